@@ -28,6 +28,7 @@ pub(in crate::scene) enum Wish {
     UnknownModel,
     Physical,
     Metal,
+    Gloss,
     Shine,
     Ambient,
     Lines,
@@ -66,6 +67,7 @@ impl Wish {
             Self::UnknownModel => ("an unknown illumination model", "Kd, Ks and Ns are used"),
             Self::Physical => ("physically based shading", "Kd, Ks and Ns are used"),
             Self::Metal => ("metal", "surfaces are diffuse, in their base colour"),
+            Self::Gloss => ("gloss", "surfaces are diffuse, in their base colour"),
             Self::Shine => {
                 ("sheen, clear coats or other reflections", "surfaces are diffuse, in their base colour")
             }

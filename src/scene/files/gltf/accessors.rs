@@ -85,11 +85,33 @@ impl<'a> Numbers<'a> {
 
     /// Returns the elements of an accessor (a list of numbers or vectors in a buffer). Each element must have
     /// `N` components.
-    pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
+    fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
         let number = index.value();
         let message = |what: String| format!("accessor {number}: {what}");
         let accessor = self.root.get(index).ok_or_else(|| message("it does not exist".to_owned()))?;
         self.elements(accessor).map_err(message)
+    }
+
+    /// Returns the elements of a vertex attribute, such as positions. Returns an error for 32-bit whole numbers, which
+    /// glTF allows only for indices: probably, the buffer holds floats.
+    pub fn attribute<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
+        self.refuse(ComponentType::U32, index, "5125 (unsigned int); expected 5126 (float) for vertices")?;
+        self.of(index)
+    }
+
+    /// Returns the elements of a list of indices. Returns an error for floats, which glTF does not allow for indices.
+    pub fn indices(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; 1]>> {
+        self.refuse(ComponentType::F32, index, "5126 (float); expected 5125 or 5123 (unsigned) for indices")?;
+        self.of(index)
+    }
+
+    fn refuse(&self, wrong: ComponentType, index: Index<Accessor>, message: &str) -> Parsed<()> {
+        match self.root.get(index).map(|accessor| &accessor.component_type) {
+            Some(Checked::Valid(component)) if component.0 == wrong => {
+                Err(format!("accessor {}: its componentType is {message}", index.value()))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Returns true if an accessor stores nothing, so that all its elements are zero.

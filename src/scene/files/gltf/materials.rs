@@ -164,7 +164,7 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
     if pbr.metallic_factor.0 > 0.0 && !is_replaced {
         asked.add(Wish::Metal, b"metallicFactor");
     } else if pbr.roughness_factor.0 < 1.0 && !is_replaced {
-        asked.add(Wish::Shine, b"roughnessFactor");
+        asked.add(Wish::Gloss, b"roughnessFactor");
     }
     for (name, _) in others(wire) {
         if let Some(wish) = extension_wish(name) {

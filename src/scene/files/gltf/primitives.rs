@@ -98,7 +98,7 @@ impl Part {
         // Positions from extensions are not read.
         let (Some(mode), Some(index)) = (mode_of(primitive), used.positions) else { return Ok(Shape::Other) };
         let vectors = |index: Index<Accessor>| {
-            Ok::<_, String>(numbers.of::<3>(index)?.into_iter().map(DVec3::from_array).collect())
+            Ok::<_, String>(numbers.attribute::<3>(index)?.into_iter().map(DVec3::from_array).collect())
         };
         let positions: Vec<DVec3> = vectors(index)?;
         let normals: Vec<DVec3> = used.normals.map(vectors).transpose()?.unwrap_or_default();
@@ -226,7 +226,7 @@ fn only<T>(list: Vec<T>, is_used: &[bool]) -> Vec<T> {
 
 /// Reads texture coordinates, which are measured from the texture's upper left corner.
 fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<[f32; 2]>> {
-    Ok(numbers.of::<2>(index)?.into_iter().map(|pair| pair.map(|value| value as f32)).collect())
+    Ok(numbers.attribute::<2>(index)?.into_iter().map(|pair| pair.map(|value| value as f32)).collect())
 }
 
 /// Returns linear colours without their alpha, and true if at least one alpha is below 1.
@@ -234,11 +234,11 @@ fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<(Vec<Vec3>, 
     let colour = |red: f64, green: f64, blue: f64| DVec3::new(red, green, blue).as_vec3();
     Ok(match numbers.components(index) {
         4 => {
-            let colours = numbers.of::<4>(index)?;
+            let colours = numbers.attribute::<4>(index)?;
             let is_clear = colours.iter().any(|[.., alpha]| *alpha < 1.0);
             (colours.into_iter().map(|[r, g, b, _]| colour(r, g, b)).collect(), is_clear)
         }
-        _ => (numbers.of::<3>(index)?.into_iter().map(|[r, g, b]| colour(r, g, b)).collect(), false),
+        _ => (numbers.attribute::<3>(index)?.into_iter().map(|[r, g, b]| colour(r, g, b)).collect(), false),
     })
 }
 
@@ -246,7 +246,7 @@ fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<(Vec<Vec3>, 
 /// the numbers from 0 to `count` - 1.
 fn corners(numbers: &Numbers<'_>, indices: Option<Index<Accessor>>, count: usize) -> Parsed<Vec<u32>> {
     let Some(index) = indices else { return Ok((0..count as u32).collect()) };
-    Ok(numbers.of::<1>(index)?.into_iter().map(|[index]| index as u32).collect())
+    Ok(numbers.indices(index)?.into_iter().map(|[index]| index as u32).collect())
 }
 
 /// Returns the triangles whose three positions exist, and the number of triangles that were left out. `count`

@@ -255,6 +255,26 @@ fn corners_keep_their_colours_beside_those_of_materials() {
     assert_eq!(mesh.corner_colours, [[white; 3], [black, red, green], [black, red, green]]);
 }
 
+/// The list of positions also serves as the other list.
+#[test]
+fn whole_numbers_of_32_bits_are_in_no_list_of_vertices() {
+    let last = |kind: u32| {
+        format!(
+            r#""type": "SCALAR"}}, {{"bufferView": 0, "componentType": {kind}, "count": 3, "type": "VEC3"}}"#
+        )
+    };
+    for attribute in ["NORMAL", "COLOR_0"] {
+        let attributes = format!(r#"{{"POSITION": 0, "{attribute}": 2}}"#);
+        let text = triangle().replace(r#"{"POSITION": 0}"#, &attributes);
+        assert!(read(&text.replace(r#""type": "SCALAR"}"#, &last(5126))).is_ok());
+        let error = read(&text.replace(r#""type": "SCALAR"}"#, &last(5125))).err().unwrap().to_string();
+        assert!(
+            error.contains("accessor 2: its componentType is 5125 (unsigned int); expected 5126"),
+            "{error}"
+        );
+    }
+}
+
 #[test]
 fn a_list_that_is_not_as_long_as_the_list_of_positions_is_refused_by_its_name() {
     let two = r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5126, "count": 2, "type": "VEC3"}"#;
@@ -499,7 +519,10 @@ fn a_light_with_a_range_and_a_glossy_surface_are_noted() {
         .replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}},"#);
     let notes = read(&text).unwrap().notes.join("\n");
     assert!(notes.contains("1 light with a range is shown without it"), "{notes}");
-    assert!(notes.contains("(roughnessFactor)"), "{notes}");
+    assert!(
+        notes.contains("1 material asks for gloss (roughnessFactor), which raycl does not support"),
+        "{notes}"
+    );
 }
 
 #[test]
@@ -518,6 +541,8 @@ fn damaged_files_are_refused_with_what_is_wrong() {
             "no triangle remains; 1 triangle with a position that does not exist is left out",
         ),
         ("\"type\": \"VEC3\"", "\"type\": \"VEC2\"", "have 2 numbers; expected 3"),
+        ("\"componentType\": 5126", "\"componentType\": 5125", "accessor 0: its componentType is 5125"),
+        ("\"componentType\": 5123", "\"componentType\": 5126", "accessor 1: its componentType is 5126"),
         ("\"buffer\": 0, \"byteLength\": 36", "\"buffer\": 3, \"byteLength\": 36", "buffer 3 does not exist"),
         ("\"byteOffset\": 36", "\"byteOffset\": 18446744073709551615", "its buffer view holds 0"),
         ("\"nodes\": [0]}", "\"nodes\": [0, 0]}", "node 0 occurs twice in the scene; expected once"),
