@@ -48,6 +48,16 @@ impl std::fmt::Display for Limiter {
     }
 }
 
+impl Limiter {
+    /// Returns the limit in words that follow a number of threads, such as "limited by registers".
+    pub fn words(&self) -> String {
+        match self {
+            Self::CannotLaunch(_) => self.to_string(),
+            limit => format!("limited by {limit}"),
+        }
+    }
+}
+
 /// The work-groups and warps that a multiprocessor holds at the same time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
@@ -180,6 +190,9 @@ mod tests {
         assert_eq!((sixteen.groups, sixteen.threads, sixteen.limiter), (2, 512, Limiter::Registers));
         let Limiter::CannotLaunch(reason) = of("2.0", 63, 0, 1024).limiter else { panic!("it launches") };
         assert_eq!(reason, "registers: 2048 per warp x 32 warps = 65536 > 32768 per group");
+        let words = Limiter::CannotLaunch(reason).words();
+        assert_eq!(words, "cannot launch: registers: 2048 per warp x 32 warps = 65536 > 32768 per group");
+        assert_eq!(Limiter::Local.words(), "limited by local memory");
     }
 
     #[test]

@@ -141,8 +141,7 @@ fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     let (registers, local_bytes) = known(record);
     let predicted = occupancy(sm, registers.unwrap_or(PAPER_REGISTERS), local_bytes, across * down);
     let percent = 100.0 * predicted.fraction;
-    let tip =
-        format!("{}\npredicted occupancy {percent:.0}% (limited by {})", tip(record), predicted.limiter);
+    let tip = format!("{}\npredicted occupancy {percent:.0}% ({})", tip(record), predicted.limiter.words());
     Some(Mark { x: percent, y: 100.0 * best / median(record)?, interval: None, tip })
 }
 

@@ -182,10 +182,10 @@ fn holds(capability: &str, registers: u32, size: LocalSize, threads: u64) -> Lin
     };
     let occupancy = occupancy(sm, registers, 0, size.0[0] * size.0[1]);
     let text = format!(
-        "by arithmetic, {} threads are resident with blocks of {} and {registers} registers per thread (limited by {}); published {threads}",
+        "by arithmetic, {} threads are resident with blocks of {} and {registers} registers per thread ({}); published {threads}",
         occupancy.threads,
         by(size.0),
-        occupancy.limiter
+        occupancy.limiter.words()
     );
     Line::decided(text, occupancy.threads == threads)
 }

@@ -56,7 +56,7 @@ fn mark(block: u32, threads: u64, why: &str) -> Mark {
 
 fn by_registers(sm: &Multiprocessor, block: u32) -> Mark {
     let occupancy = occupancy(sm, PAPER_REGISTERS, 0, block * block);
-    mark(block, occupancy.threads, &format!("limited by {}", occupancy.limiter))
+    mark(block, occupancy.threads, &occupancy.limiter.words())
 }
 
 /// Returns marks for the kernel of the preset `naive` on a device: the number of threads that raycl predicted
@@ -73,10 +73,12 @@ fn of_device(runs: &[Run<'_>], device: &str) -> Vec<Mark> {
         let (groups, kernel) = kernel;
         let registers = kernel.resources.registers.map_or("?".to_owned(), |count| count.to_string());
         let limit = kernel.occupancy_limited_by.as_deref().unwrap_or("an unknown resource");
+        // If no work-group fits, the record does not name a resource, but says that the kernel cannot launch.
+        let limited_by = if groups == 0 { "" } else { "limited by " };
         Some(mark(
             *block,
             groups * u64::from(block * block),
-            &format!("{registers} registers, limited by {limit}"),
+            &format!("{registers} registers, {limited_by}{limit}"),
         ))
     };
     BLOCKS.iter().filter_map(own).collect()
@@ -105,20 +107,24 @@ mod tests {
 
     #[test]
     fn a_mark_has_the_threads_of_all_groups_of_a_naive_kernel() {
-        let on = |name: &str, side: u32| {
+        let on = |name: &str, side: u32, held: u64, limit: &str| {
             let mut kernel = CompiledKernel {
                 name: "cast_frame".to_owned(),
-                resident_groups: Some(3),
-                occupancy_limited_by: Some("registers".to_owned()),
+                resident_groups: Some(held),
+                occupancy_limited_by: Some(limit.to_owned()),
                 ..CompiledKernel::default()
             };
             kernel.resources.registers = Some(67);
             Record { kernels: vec![kernel], ..measured("gpu", name, side, 1.0) }
         };
-        let (folder, records) = (Folder::default(), [on("private", 4), on("naive", 8)]);
+        let (folder, fits, none) = (Folder::default(), "registers", "cannot launch: registers");
+        let records = [on("private", 4, 3, fits), on("naive", 8, 3, fits), on("naive", 32, 0, none)];
         let marks = of_device(&Run::of(&folder, groups(&records)), "gpu");
         let marks: Vec<_> = marks.iter().map(|mark| (mark.x, mark.y, mark.tip.as_str())).collect();
-        assert_eq!(marks, [(3.0, 192.0, "8 x 8: 192 threads\n67 registers, limited by registers")]);
+        let last = (BLOCKS.len() - 1) as f64;
+        let launched = (3.0, 192.0, "8 x 8: 192 threads\n67 registers, limited by registers");
+        let none = (last, 0.0, "32 x 32: 0 threads\n67 registers, cannot launch: registers");
+        assert_eq!(marks, [launched, none]);
     }
 
     #[test]
