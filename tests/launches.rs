@@ -86,7 +86,10 @@ fn how_long_a_run_takes_is_estimated_from_earlier_times() {
         with_run(LAUNCHES, folder.path(), |run| run.expected(earlier, &past)).expect("it is foreseen")
     };
     let unknown = expected(&[], &[]).to_string();
-    assert!(unknown.starts_with("6 points in 3 launches: at least 15 frames of each"), "{unknown}");
+    assert!(
+        unknown.starts_with("6 points in 3 launches: the duration is unknown; at least 15 frames of each"),
+        "{unknown}"
+    );
     // The records of the mock (a run with simulated workers) have neither times nor sizes, so the test sets
     // them.
     let timed = |(index, record): (usize, &Record)| Record {

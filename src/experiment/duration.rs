@@ -416,7 +416,7 @@ impl Expected {
         let known = self.known;
         if known == 0 {
             let frames = counted(self.least_frames, "frame");
-            return format!("at least {frames} of each point; {}", self.at_most());
+            return format!("the duration is unknown; at least {frames} of each point{}", self.at_most());
         }
         let more = match self.additional {
             Duration::ZERO => String::new(),

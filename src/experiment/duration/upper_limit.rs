@@ -24,16 +24,18 @@ impl Run<'_> {
 }
 
 impl Expected {
-    /// Returns a text with an upper limit of the frames' total time, and the condition under which it holds.
+    /// Returns the end of a sentence: the condition under which the frames' total time has an upper limit, then this
+    /// limit. The condition comes first, since the limit is no estimate: it is the same for all image sizes. Returns an
+    /// empty text if the limit is unknown.
     pub(super) fn at_most(&self) -> String {
         if self.most.is_zero() {
-            return "how long this takes is unknown".to_owned();
+            return String::new();
         }
         format!(
-            "all frames together take about {} or less, if a frame takes at most {} ms on average; building, \
+            "; only if a frame takes at most {} ms on average, all frames together take at most about {}, and building, \
              checking and waiting for other measurements take additional time",
-            in_minutes(self.most),
-            significant(self.usual_frame_ms, 3)
+            significant(self.usual_frame_ms, 3),
+            in_minutes(self.most)
         )
     }
 }
@@ -65,9 +67,9 @@ mod tests {
         for (frame_ms, holds) in [(1.0, true), (33.0, true), (99.0, true), (100.0, true), (200.0, false)] {
             assert_eq!(frames_ms(frame_ms) <= most_ms, holds, "{frame_ms}: {}", frames_ms(frame_ms));
         }
-        let text = "2 points in 2 launches: at least 10 frames of each point; all frames together take about 3s or \
-                    less, if a frame takes at most 100 ms on average; building, checking and waiting for other \
-                    measurements take additional time";
+        let text = "2 points in 2 launches: the duration is unknown; at least 10 frames of each point; only if a frame \
+                    takes at most 100 ms on average, all frames together take at most about 3s, and building, checking \
+                    and waiting for other measurements take additional time";
         assert_eq!(expected.to_string(), text);
     }
 }
