@@ -47,6 +47,9 @@ pub(crate) const MOVED: f64 = 1.5;
 /// disturbed the measurements. The note that [`disturbance`] returns states `DISTURBED` as a percentage.
 const DISTURBED: f64 = 0.05;
 
+/// A run states the number of launches of a point. The launches of all groups of points together are more.
+const PER_GROUP: &str = " (counted for each group of points)";
+
 impl RoundLoad {
     /// Makes a line of `rounds.jsonl` from the load that was measured while rounds were timed.
     pub fn of(launch: u32, round: u32, load: &Load) -> Self {
@@ -104,11 +107,11 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     };
     let bad = bad.count();
     let launches = match (shown.len(), means.len()) {
-        (all, known) if all == known => format!("in {bad} of {}", counted(all, "launch")),
-        (all, 1) => format!("the load of 1 of {all} launches is known. In this launch"),
-        (all, known) => {
-            format!("the load of {known} of {all} launches is known. In {bad} of these {known} launches")
-        }
+        (all, known) if all == known => format!("in {bad} of {}{PER_GROUP}", counted(all, "launch")),
+        (all, 1) => format!("the load of 1 of {all} launches{PER_GROUP} is known. In this launch"),
+        (all, known) => format!(
+            "the load of {known} of {all} launches{PER_GROUP} is known. In {bad} of these {known} launches"
+        ),
     };
     Some(format!(
         "Disturbed: {launches}, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other processes kept \
@@ -272,7 +275,7 @@ mod tests {
         let quiet = [line(0, 0.02), line(1, 0.05)];
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
-        let expected = "Disturbed: in 1 of 2 launches, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other \
+        let expected = "Disturbed: in 1 of 2 launches (counted for each group of points), other programs and virtual machines together used more than 5% of the machine. In the worst launch, other \
             processes kept 0.50 of 2 processors busy. This load may have made times longer: if possible, stop the \
             other programs and run the experiment again.";
         assert_eq!(said.as_deref(), Some(expected));
@@ -285,8 +288,7 @@ mod tests {
     fn launches_of_unknown_load_are_not_among_those_of_known_load() {
         let records = [Record { sample_launches: vec![0, 1, 2], ..Record::default() }];
         let said = disturbance(&[line(0, 0.9), line(1, 0.9)], &records).unwrap();
-        let expected =
-            "Disturbed: the load of 2 of 3 launches is known. In 2 of these 2 launches, other programs";
+        let expected = "Disturbed: the load of 2 of 3 launches (counted for each group of points) is known. In 2 of these 2 launches, other programs";
         assert!(said.starts_with(expected), "{said}");
     }
 
