@@ -85,7 +85,7 @@ fn find(document: &Document, name: &Spanned<String>) -> Result<&'static Preset> 
 /// `deferred,width=4`: the keys of a `[[strategy]]` entry. Returns `None` if the name is not a strategy in
 /// this form.
 fn entry_instead(text: &str) -> Option<String> {
-    let parts: Vec<&str> = text.split(',').map(str::trim).filter(|part| !part.is_empty()).collect();
+    let parts: Vec<&str> = text.split([',', '+']).map(str::trim).filter(|part| !part.is_empty()).collect();
     let (base, axes) = match parts.split_first()? {
         (first, axes) if !first.contains('=') => (*first, axes),
         _ => ("deferred", &parts[..]),

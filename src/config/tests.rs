@@ -392,6 +392,7 @@ fn a_strategy_in_the_form_of_the_option_is_answered_with_the_table_that_a_config
     for (name, keys) in [
         ("deferred,width=4", "preset = \"deferred\" and width = 4"),
         ("naive, math = fast,width=2", "preset = \"naive\" and math = \"fast\" and width = 2"),
+        ("deferred+width=4", "preset = \"deferred\" and width = 4"),
         ("width=8", "preset = \"deferred\" and width = 8"),
     ] {
         let expected = format!("in a config, write [[strategy]] with {keys}");

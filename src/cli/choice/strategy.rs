@@ -30,11 +30,11 @@ impl TypedValueParser for StrategyText {
 }
 
 /// Parses the text of a strategy: a preset (`naive`), values of axes (`vectors=local`), or both (`deferred,width=4`).
-/// Without a preset, the values of the axes change the preset `deferred`. Returns an error if the text names neither a
-/// preset nor an axis, if a preset, an axis or a value is unknown, or if an axis has two values. Does not check whether
-/// the values contradict each other.
+/// As in the names of records, a `+` may stand for a comma. Without a preset, the values of the axes change the preset
+/// `deferred`. Returns an error if the text names neither a preset nor an axis, if a preset, an axis or a value is
+/// unknown, or if an axis has two values. Does not check whether the values contradict each other.
 pub fn parse_strategy(text: &str) -> Result<Strategy> {
-    let parts: Vec<&str> = text.split(',').map(str::trim).filter(|part| !part.is_empty()).collect();
+    let parts: Vec<&str> = text.split([',', '+']).map(str::trim).filter(|part| !part.is_empty()).collect();
     let (named, axes) = match parts.split_first() {
         Some((first, rest)) if !first.contains('=') => (Some(*first), rest),
         Some(_) => (None, &parts[..]),
@@ -190,6 +190,7 @@ mod tests {
         let mut wide = preset("deferred")?.strategy;
         wide.set("width", "4")?;
         assert_eq!(parse_strategy("deferred,width=4")?, wide);
+        assert_eq!(parse_strategy("deferred+width=4")?, wide, "the name in tables and records");
         assert_eq!(parse_strategy("width=4")?, wide);
         for (text, help) in [
             ("deferred,4", "name at most one preset, then axes with their values"),
