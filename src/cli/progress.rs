@@ -1,5 +1,6 @@
 //! Shows the progress of a run: a bar on a terminal, plain lines elsewhere.
 
+use crate::device::common_name;
 use crate::experiment::Observer;
 use crate::numbers::ms;
 use crate::printer::{self, tell};
@@ -288,7 +289,8 @@ pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
 fn line(record: &Record) -> String {
     let [width, height] = record.image_size;
     let local = record.local_size.map_or(String::new(), |[x, y]| format!(" {x}x{y}"));
-    let point = format!("{} {width}x{height} {} {}{local}", record.scene, record.device, record.name);
+    let name = if record.is_baseline() { &record.strategy } else { &record.name };
+    let point = format!("{} {width}x{height} {} {name}{local}", record.scene, common_name(&record.device));
     match (record.outcome, record.median_ms) {
         (Outcome::Measured, Some(median_ms)) => {
             format!("{point}: {} ms, n = {}", ms(median_ms), record.samples_ms.len())
@@ -462,6 +464,18 @@ mod tests {
         let failed =
             Record { outcome: Outcome::BuildFailed, median_ms: None, local_size: None, reason, ..record };
         assert_eq!(line(&failed), "teapot 8x5 gpu naive: build-failed: line 1");
+    }
+
+    #[test]
+    fn a_line_names_devices_and_baselines_as_tables_do() {
+        let of = |device: &str, name: &str, strategy: &str| {
+            let [device, name, strategy] = [device, name, strategy].map(str::to_owned);
+            line(&Record { scene: "teapot".to_owned(), device, name, strategy, ..Record::default() })
+        };
+        let on_cpu = of("pthread-skylake-avx512-Intel(R) Xeon(R) Processor", "naive", "traversal=exhaustive");
+        assert!(on_cpu.starts_with("teapot 0x0 Intel Xeon, PoCL naive: "), "{on_cpu}");
+        let baseline = of("host", "serial", "serial-f32");
+        assert!(baseline.starts_with("teapot 0x0 host serial-f32: "), "{baseline}");
     }
 
     #[test]
