@@ -10,6 +10,7 @@ use crate::record::{
     Group, HOST, Record, few_names, interval, launches, may_be_faster, median, not_enough, ratio, word,
 };
 use crate::words::counted;
+use std::collections::HashSet;
 
 /// The result of one group of points, which is one scene at one image size on one device.
 #[derive(Clone, Debug)]
@@ -71,15 +72,16 @@ pub struct Speedup {
     pub range: String,
 }
 
-/// Points that have no time for the same reason.
+/// Points that have no time for the same reason in brief.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     /// The reason in brief, such as "local" (too little `__local` memory) or "wrong-image".
     pub word: String,
     /// The number of points that have no time for the reason `word`.
     pub count: usize,
-    /// The first point without a time for this reason, with the first line of the reason.
-    pub example: String,
+    /// For each strategy, its first point without a time for the reason `word`, with the first line of the point's own
+    /// reason.
+    pub examples: Vec<String>,
 }
 
 /// Returns one answer per shown group of points ([`is_shown`]). `origins` tells which baselines the machine of
@@ -227,14 +229,15 @@ fn look(ranking: &Ranking<&Record>) -> &'static str {
 
 fn refused(group: &Group<'_>) -> Vec<Refused> {
     let mut refused: Vec<Refused> = Vec::new();
+    let mut shown: HashSet<(String, &str)> = HashSet::new();
     for (record, _) in group.failures() {
         let word = word(record);
-        let new = || Refused {
-            word: word.clone(),
-            count: 0,
-            example: format!("{}: {}", title(record), first_line(record)),
-        };
-        entry(&mut refused, |known| known.word == word, new).count += 1;
+        let new = || Refused { word: word.clone(), count: 0, examples: Vec::new() };
+        let known = entry(&mut refused, |known| known.word == word, new);
+        known.count += 1;
+        if shown.insert((word, &record.name)) {
+            known.examples.push(format!("for example {}: {}", title(record), first_line(record)));
+        }
     }
     refused
 }
@@ -357,6 +360,8 @@ mod tests {
             measured("gpu", "wide", 4, 11.0),
             measured("gpu", "deferred", 8, 11.1),
             infeasible("gpu", "local-vectors", 32, "__local memory: 110592 B > 49152 B"),
+            infeasible("gpu", "local-triangles", 4, "__local memory: 106704 B > 49152 B"),
+            infeasible("gpu", "local-triangles", 8, "__local memory: 106705 B > 49152 B"),
         ]);
         let groups = groups(&records);
         let answers = answers(&groups);
@@ -367,7 +372,13 @@ mod tests {
         assert_eq!(one.speedups[0].range, "35.2 to 39.5");
         let over: Vec<_> = one.speedups.iter().map(|speedup| speedup.over.as_str()).collect();
         assert_eq!(over, ["serial-f32", "the best naive point"]);
-        assert_eq!((one.refused[0].word.as_str(), one.refused[0].count), ("local", 1));
+        let [refused] = one.refused.as_slice() else { panic!("{:?}", one.refused) };
+        assert_eq!((refused.word.as_str(), refused.count), ("local", 3));
+        let examples = [
+            "for example local-vectors at 32 x 32: __local memory: 110592 B > 49152 B",
+            "for example local-triangles at 4 x 4: __local memory: 106704 B > 49152 B",
+        ];
+        assert_eq!(refused.examples, examples, "an example of each strategy");
         assert!(headline(&answers).contains("tie"), "{}", headline(&answers));
     }
 
