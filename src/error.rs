@@ -3,7 +3,7 @@
 mod nearest;
 mod quoted;
 
-pub use nearest::{meant, nearest, nearest_file, nearest_folder, or_meant};
+pub use nearest::{meant, nearest, nearest_file, nearest_file_among, nearest_folder, or_meant};
 use quoted::{SHOWN_LINE_BYTES, boundary, cut_long_lines, printable};
 pub use quoted::{line_of, shortened, shortened_note};
 
@@ -288,9 +288,20 @@ impl Error {
     /// decompressed, the remedy says that the file may be damaged. If the file's text is not UTF-8, the
     /// message gives the line. If none of the causes above applies, the remedy is the text `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
+        Self::unreadable_among((what, path), error, |_| true, otherwise)
+    }
+
+    /// Like [`unreadable`](Self::unreadable), but the remedy names only a file whose path `fits` accepts.
+    pub fn unreadable_among(
+        (what, path): (&str, &Path),
+        error: &std::io::Error,
+        fits: impl Fn(&Path) -> bool,
+        otherwise: &str,
+    ) -> Self {
+        let nearest = |missing: &Path| nearest_file_among(missing, &fits);
         match Self::not_utf8(path, error) {
             Some(not_utf8) => not_utf8,
-            None => Self::cannot_read((what, path), error, nearest_file, otherwise),
+            None => Self::cannot_read((what, path), error, nearest, otherwise),
         }
     }
 
@@ -394,6 +405,11 @@ mod tests {
         let meant = format!("did you mean `{}`?", there.display());
         assert_eq!(remedy(&missing, ErrorKind::NotFound), meant);
         assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), "other");
+        let among = |fits: fn(&Path) -> bool| {
+            let error = std::io::Error::from(ErrorKind::NotFound);
+            Error::unreadable_among(("scene", &missing), &error, fits, "other").remedy().to_owned()
+        };
+        assert_eq!([among(|_| true), among(|_| false)], [meant, "other".to_owned()]);
         // The name `-` stands for standard input, which is never a missing file. Otherwise, raycl would
         // suggest a file with a short name that contains `-`, such as `a-`.
         assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");

@@ -63,8 +63,10 @@ fn a_wrong_type() {
 
 #[test]
 fn a_missing_file_is_answered_with_the_nearest() {
-    let folder = WorkFolder::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)]);
+    let files = [("scene.toml", TRIANGLE), ("config.toml", CONFIG), ("house.mtl", ""), ("house.obj", "")];
+    let folder = WorkFolder::with(&files);
     has(&folder.mistake(&["render", "secne.toml"], 2), &["secne.toml", "did you mean `scene.toml`"]);
+    has(&folder.mistake(&["render", "house.mlt"], 2), &["house.mlt", "did you mean `house.obj`"]);
     has(&folder.mistake(&["run", "confg.toml"], 2), &["confg.toml", "did you mean `config.toml`"]);
     has(&folder.mistake(&["run", "nothing-like-it"], 2), &["nothing-like-it", "configs/quick.toml"]);
     let message = config_mistake("\"scene.toml\"", "\"scene.tml\"");

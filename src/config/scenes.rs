@@ -10,8 +10,8 @@ use super::document::Document;
 use super::numbers::whole;
 use super::types::SceneChoice;
 use super::wire::{Experiment, Numbers, SceneEntry, SceneValues};
-use crate::error::{Error, Result, nearest_file};
-use crate::filetype::{FileType, Opened, Wanted, experiment_instead};
+use crate::error::{Error, Result, nearest_file_among};
+use crate::filetype::{FileType, Opened, Wanted, experiment_instead, may_be_scene};
 use crate::printer::line;
 use crate::reader::Kind;
 use crate::scene::Setting;
@@ -62,12 +62,13 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
     })
 }
 
-/// Returns the name of the file with the most similar name in the folder of a missing scene; `None` if no name is
-/// similar enough, or if that file is an experiment.
+/// Returns the name of the scene or mesh with the most similar name in the folder of a missing scene; `None` if no name
+/// is similar enough. An experiment is no scene.
 fn nearest_scene(missing: &Path) -> Option<OsString> {
-    let meant = nearest_file(missing)?;
-    let is_experiment = Opened::at(&meant).is_ok_and(|opened| experiment_in(opened, &meant).is_some());
-    meant.file_name().filter(|_| !is_experiment).map(OsString::from)
+    let is_experiment =
+        |path: &Path| Opened::at(path).is_ok_and(|opened| experiment_in(opened, path).is_some());
+    let meant = nearest_file_among(missing, |path| may_be_scene(path) && !is_experiment(path))?;
+    meant.file_name().map(OsString::from)
 }
 
 /// Returns an error if the file is an experiment, or of a type that raycl recognises but does not read as a scene, such

@@ -387,6 +387,15 @@ fn unknown_names_are_refused_with_the_nearest() {
 }
 
 #[test]
+fn only_a_scene_or_a_mesh_is_suggested_for_a_missing_scene() {
+    let (folder, path) = folder(&GOOD.replace("../scenes/teapot.toml", "tent.toml"));
+    for name in ["tent.mtl", "my-tent.toml"] {
+        std::fs::write(folder.path().join("configs").join(name), "").unwrap();
+    }
+    assert_eq!(load(&path, &[]).unwrap_err().remedy(), "did you mean my-tent.toml?");
+}
+
+#[test]
 fn a_strategy_in_the_form_of_the_option_is_answered_with_the_table_that_a_config_needs() {
     let help = |name: &str| refusal(&GOOD.replace("local-vectors", name), &[]);
     for (name, keys) in [

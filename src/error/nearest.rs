@@ -33,7 +33,12 @@ pub fn or_meant<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Str
 /// Returns the file with the most similar name in the folder of a missing file, or `None` if no name is
 /// similar enough.
 pub fn nearest_file(missing: &Path) -> Option<PathBuf> {
-    nearest_entry(missing, Path::is_file)
+    nearest_file_among(missing, |_| true)
+}
+
+/// Like [`nearest_file`], but returns only a file whose path `fits` accepts.
+pub fn nearest_file_among(missing: &Path, fits: impl Fn(&Path) -> bool) -> Option<PathBuf> {
+    nearest_entry(missing, |path| path.is_file() && fits(path))
 }
 
 /// Returns the folder with the most similar name beside a missing folder, or `None` if no name is similar

@@ -80,6 +80,12 @@ impl MeshFormat {
     }
 }
 
+/// Returns true if a file's extension is that of a scene file or a mesh. A final `.gz` is ignored.
+pub fn may_be_scene(path: &Path) -> bool {
+    let is_toml = unpacked_name(path).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
+    is_toml || MeshFormat::from_ending(path).is_some()
+}
+
 /// Returns the path without a final `.gz`.
 pub fn unpacked_name(path: &Path) -> PathBuf {
     let packed = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"));

@@ -37,6 +37,13 @@ fn scene_3ds() -> Vec<u8> {
 }
 
 #[test]
+fn endings_of_scenes_and_meshes() {
+    let may_be = |name: &str| may_be_scene(Path::new(name));
+    assert!(["a.toml", "a.TOML.gz", "a.obj", "a.Glb", "a.stl.gz"].into_iter().all(may_be));
+    assert!(!["a.mtl", "a.png.gz", "toml", "a"].into_iter().any(may_be));
+}
+
+#[test]
 fn meshes_and_scenes_of_other_formats() {
     let cases: &[(&[u8], &str)] = &[
         (b"ply\nformat ascii 1.0\nelement vertex 3\n", "a PLY mesh"),

@@ -3,7 +3,7 @@
 use super::setting::{Changed, Origin, Setting, TrackValue, error_in};
 use super::{INPUTS, files, overrides};
 use crate::error::{Error, Result, line_of, shortened};
-use crate::filetype::{MeshFormat, Opened, Wanted, is_standard_input, unpacked_name};
+use crate::filetype::{MeshFormat, Opened, Wanted, is_standard_input, may_be_scene, unpacked_name};
 use crate::reader::{self, Kind, NotUtf8};
 use crate::toml_error::{expectation, mistake};
 use crate::words::{path_word, quote};
@@ -62,8 +62,10 @@ impl Document {
     /// Reads a scene file, or makes the document of a bare mesh.
     pub fn read(path: &Path, settings: &[Setting], quotes: bool) -> Result<Self> {
         INPUTS.add(path);
-        let opened =
-            Opened::at(path).map_err(|error| Error::unreadable("scene", path, &error, instead_of(&error)))?;
+        let unreadable = |error: std::io::Error| {
+            Error::unreadable_among(("scene", path), &error, may_be_scene, instead_of(&error))
+        };
+        let opened = Opened::at(path).map_err(unreadable)?;
         if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Scene) {
             return Err(refusal);
         }

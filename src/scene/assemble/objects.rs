@@ -1,7 +1,7 @@
 //! Makes the mesh of one `[[object]]` from a mesh file, a generated shape or inline triangles. Then
 //! transforms the mesh and sets its materials.
 
-use crate::error::{Error, Result, nearest_file, or_meant};
+use crate::error::{Error, Result, nearest_file_among, or_meant};
 use crate::filetype::{MeshFormat, Opened, Wanted};
 use crate::memory::Available;
 use crate::reader::lies_in;
@@ -200,7 +200,8 @@ fn no_mesh(document: &Document, file: &Spanned<String>, path: &Path) -> Error {
         }
         (_, false) => (format!("no mesh file `{name}`"), "not found"),
     };
-    let meant = nearest_file(path).filter(|_| !path.exists());
+    let is_mesh = |path: &Path| MeshFormat::from_ending(path).is_some();
+    let meant = nearest_file_among(path, is_mesh).filter(|_| !path.exists());
     let meant = meant.map(|meant| format!("did you mean `{}`? ", meant.display())).unwrap_or_default();
     let help = format!("{meant}the path is relative to the scene file's folder");
     document.error(file.span(), message, label).with_help(help)
