@@ -427,7 +427,9 @@ fn the_reproduction_page_is_made_of_records_alone() {
     let points = [("naive", 17.4), ("local-vectors", 11.3), ("local-triangles", 25.7)];
     let records: Vec<_> = points.iter().map(|(name, ms)| record("still-life", name, 8, *ms)).collect();
     write(&figure, &records);
-    outcome(&["reproduce", "--page-only", "--out", path(&out)], 0);
+    let (said, _) = outcome(&["reproduce", "--page-only", "--out", path(&out)], 0);
+    let answer = "\n  Best memory strategy: on still-life, local-vectors (vectors local, triangles global): 11.30 ms.\n";
+    assert!(said.contains(answer) && said.contains("\n  How sure: "), "{said}");
     let page = std::fs::read_to_string(out.path().join("reproduction.html")).expect("a page");
     let command = format!("raycl reproduce --out {} --resume", path(&out));
     for part in [

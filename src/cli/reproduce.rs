@@ -61,7 +61,7 @@ pub struct Args {
     /// --device, --set, --resume, --no-wait or --verbose
     #[arg(long, conflicts_with_all = ["device", "set", "resume", "retry_failed", "no_wait", "verbose"])]
     page_only: bool,
-    /// Print neither the progress nor the paths of written files
+    /// Print neither the progress, nor the answer, nor the paths of written files
     #[arg(short, long)]
     quiet: bool,
     /// Print a line for every finished point, instead of a progress bar. Not with --quiet
@@ -82,7 +82,7 @@ pub fn run(args: Args) -> Result<()> {
     refuse_other_folders(&args.out, choice, out.is_known() || has_results)?;
     out.check(report::REPRODUCTION)?;
     let failed = if args.page_only { Vec::new() } else { measure_all(&args, &mut out)? };
-    say_where(&args, &write_page(&mut out)?)?;
+    say_result(&args, &write_page(&mut out)?)?;
     match failed.as_slice() {
         [] => Ok(()),
         some => Err(Error::run(some.join("; ")).with_help(
@@ -133,7 +133,7 @@ fn arguments(args: &Args, name: &str) -> run::Args {
 fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
     let page = write_page(out)
-        .map_or(String::new(), |page| format!("a page of the finished points: {}\n", page.display()));
+        .map_or(String::new(), |(page, _)| format!("a page of the finished points: {}\n", page.display()));
     let command = resuming(args, &run::deciding_variables(&args.device));
     let help = format!("{page}to continue from here: {command}");
     let error = match error {
@@ -158,10 +158,14 @@ fn resuming(args: &Args, variables: &[Setting]) -> String {
     command_line(variables, &words)
 }
 
-/// Prints the path of each config's report, and the path of the page.
-fn say_where(args: &Args, page: &Path) -> Result<()> {
+/// Prints the devices' answers (on a server, nobody sees the page), the path of each config's report, and the path of
+/// the page.
+fn say_result(args: &Args, (page, answers): &(PathBuf, String)) -> Result<()> {
     if args.quiet {
         return Ok(());
+    }
+    if !answers.is_empty() {
+        super::print(answers)?;
     }
     let pages = present(&args.out)?.into_iter().map(|folder| folder.join(report::PAGE));
     for page in pages.filter(|page| page.exists()) {
@@ -236,7 +240,8 @@ fn alone(text: &str) -> Vec<u8> {
     rest.unwrap_or(text).into()
 }
 
-fn write_page(out: &mut OutFolder) -> Result<PathBuf> {
+/// Writes the page. Returns its path, and the devices' answers as text.
+fn write_page(out: &mut OutFolder) -> Result<(PathBuf, String)> {
     let folders = present(out.path())?;
     let folders = folders.iter().map(|folder| Folder::read(folder)).collect::<Result<Vec<_>>>()?;
     if folders.is_empty() {

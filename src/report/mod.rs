@@ -87,8 +87,8 @@ fn exports(records: &[Record]) -> Result<Files> {
 
 /// Writes `reproduction.html`, `reproduction.json` and the plots into `out`, and removes plots that an earlier `raycl
 /// reproduce` wrote and this one does not. `folders` contain the results of the paper's configs. Returns the path of
-/// `reproduction.html`.
-pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<PathBuf> {
+/// `reproduction.html`, and the devices' answers as text.
+pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<(PathBuf, String)> {
     let page = Reproduction::of(folders)?;
     let [html, json] = REPRODUCTION.map(str::to_owned);
     let mut files = vec![(html, page.html()?.into_bytes()), (json, page.json()?.into_bytes())];
@@ -98,7 +98,7 @@ pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<Pat
     let is_own = |name: &str| REPRODUCTION_PLOTS.iter().any(|beginning| name.starts_with(beginning));
     let is_written = |name: &str| files.iter().any(|(written, _)| written == name);
     out.remove_listed(|name| is_own(name) && !is_written(name))?;
-    Ok(out.path().join(REPRODUCTION[0]))
+    Ok((out.path().join(REPRODUCTION[0]), page.answers()))
 }
 
 /// Writes `compare.html`, `compare.md` and the plot of a comparison into `out`.

@@ -52,6 +52,18 @@ pub struct Answer {
     pub plots: Vec<Plot>,
 }
 
+impl Answer {
+    /// Returns the four lines, each with its heading.
+    pub fn lines(&self) -> [(&'static str, &str); 4] {
+        [
+            ("Best memory strategy", &self.strategy),
+            ("Best local size", &self.size),
+            ("Why", &self.why),
+            ("How sure", &self.sure),
+        ]
+    }
+}
+
 /// The records of one scene for the presets of [`MEMORY`].
 struct Contest<'a> {
     group: &'a Group<'a>,

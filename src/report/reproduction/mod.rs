@@ -105,6 +105,15 @@ impl Reproduction {
             .map_err(|error| Error::fault(format!("the reproduction page could not be written: {error}")))
     }
 
+    /// Returns each device's name and the four lines of its answer as text.
+    pub fn answers(&self) -> String {
+        let answer = |device: &Device| {
+            let lines = device.answer.lines().map(|(heading, line)| format!("  {heading}: {line}."));
+            format!("{}\n{}", device.name, lines.join("\n"))
+        };
+        self.devices.iter().map(answer).collect::<Vec<_>>().join("\n")
+    }
+
     /// Returns all plots of the page.
     pub fn plots(&self) -> Vec<&Plot> {
         self.devices
