@@ -227,6 +227,10 @@ const LAYOUT: &str =
 /// The remedy for an error in one of the user's kernel files.
 const OWN_FILE: &str = "correct the file: docs/own-kernels.md lists the functions, types and macros that it must define; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
 
+/// The remedy for a file that uses a field which its `Row` does not have. The length of a `Row` is stated far from where
+/// the field is used: in the file's header.
+const ROW: &str = "with `record_floats: 12` in the file's header, a Row has the fields a, b, c, u, v and w, and with any other number only the array `number`";
+
 /// The remedy for a link in the user's folder that leads to no file that raycl can reach.
 const LINK: &str =
     "the path is a link that cannot be followed: correct the link, or remove it to use raycl's own file";
@@ -264,7 +268,9 @@ pub fn stem(path: &str) -> &str {
 /// Returns the error for a program that contains the user's kernel files and does not compile; `log` has the
 /// compiler's messages.
 pub fn does_not_compile(log: &str) -> Error {
-    Error::input(format!("a kernel file does not compile: {log}")).with_help(OWN_FILE)
+    let uses_no_field = log.contains("no member named") && log.contains("in 'Row'");
+    let help = if uses_no_field { format!("{ROW}; {OWN_FILE}") } else { OWN_FILE.to_owned() };
+    Error::input(format!("a kernel file does not compile: {log}")).with_help(help)
 }
 
 /// The longest program that is passed to a compiler.
@@ -380,6 +386,14 @@ mod tests {
         }
         let error = Sources::Embedded.lines_of(name, "/* open").unwrap_err();
         assert!(error.to_string().starts_with("cl/common/samples.cl, line 1: "), "{error}");
+    }
+
+    #[test]
+    fn a_field_that_a_row_does_not_have_is_answered_with_the_key_of_the_header() {
+        let help = |log: &str| does_not_compile(log).remedy().to_owned();
+        let lacks = "error: cast/a.cl:7:1: no member named 'a' in 'Row'";
+        assert_eq!(help(lacks), format!("{ROW}; {OWN_FILE}"));
+        assert_eq!(help("error: cast/a.cl:7:1: no member named 'a' in 'Corners'"), OWN_FILE);
     }
 
     #[test]
