@@ -222,11 +222,11 @@ impl<'a> ClaimData<'a> {
     }
 }
 
-/// Formats a point with its time, as one side of a comparison: "naive at 8 x 8 on teapot (its best, 1.2 ms)".
-/// If the point's size is [`Size::Best`], `record` is the fastest of several records, and the text contains
-/// "its best".
+/// Formats a point with its time, as one side of a comparison: "naive at 8 x 8 on teapot (its best-ranked size,
+/// 1.2 ms)". If the point's size is [`Size::Best`], `record` is the fastest of several records, and the text contains
+/// "its best-ranked size". Points are ranked by ratios of samples, so another size may have a smaller median.
 pub(super) fn side(point: &Point, record: &Record) -> String {
-    let best = if point.size == Size::Best { "its best, " } else { "" };
+    let best = if point.size == Size::Best { "its best-ranked size, " } else { "" };
     let time = median(record).map_or(String::new(), duration);
     format!("{} on {} ({best}{time})", title(record), at_size(&point.scene, record.image_size))
 }

@@ -500,7 +500,9 @@ mod tests {
         let result = claim(best, &[&records]);
         assert_eq!(result.verdict, Verdict::Held);
         assert!(
-            result.lines[0].text.contains("as long as naive at 4 x 4 on teapot (its best, 10.00 ms)"),
+            result.lines[0]
+                .text
+                .contains("as long as naive at 4 x 4 on teapot (its best-ranked size, 10.00 ms)"),
             "{result:?}"
         );
     }
