@@ -11,9 +11,9 @@ use std::collections::BTreeMap;
 /// Number of words of an answer: the value's bits, and 1 if the value is unsigned.
 const ANSWER_WORDS: usize = 2;
 
-/// Preprocesses a program as the device's compiler would. If the condition of an `#if` uses a name that
-/// neither the source nor the options define, a kernel is run to find out whether the compiler defines the
-/// name, and with which value.
+/// Preprocesses a program as the device's compiler would. If a condition (of `#if`, `#ifdef` and so on) uses a
+/// name that neither the source nor the options define, a kernel is run to find out whether the compiler
+/// defines the name, and with which value.
 pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed> {
     let mut given = BTreeMap::new();
     loop {

@@ -208,7 +208,8 @@ mod tests {
         for possible in [(1.0, 1.2), (1.4, 1.0), (0.9, 0.1), (0.01, 50.0), (0.0, 0.9)] {
             assert_eq!(why(possible.0, possible.1, Some(1)), None, "{possible:?}");
         }
-        // A time on the device's clock is impossible from one and a half times the time on the host's clock on.
+        // A time on the device's clock is impossible if it exceeds one and a half times the time on the host's
+        // clock.
         assert_eq!(why(1400.0, 1000.0, None), None);
         assert!(why(1600.0, 1000.0, None).is_some());
         let long = why(1208.0, 1.25, None).expect("it is impossible");

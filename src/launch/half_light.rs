@@ -141,9 +141,9 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// Sizes of the pictures to be filtered. For even sizes, the kernel reads the half-picture pixels of a vector in a
-    /// quicker way than for odd sizes. Vectors of 16 pixels fill the rows of the first picture exactly, but not the
-    /// rows of the other pictures.
+    /// Sizes of the pictures to be filtered. If the width is even, the kernel reads the half-picture pixels of a
+    /// vector in a quicker way than if the width is odd. Vectors of 16 pixels fill the rows of the first picture
+    /// exactly, but not the rows of the other pictures.
     const SIZES: [[u32; 2]; 5] = [[96, 64], [75, 61], [38, 22], [7, 5], [1, 1]];
 
     /// Compares the device's filter with the reference filter in double precision, in every kernel
@@ -196,8 +196,8 @@ mod tests {
         assert!(last_of(&[&after, &before]) != expected, "the background is not seen");
     }
 
-    /// If all light is so many times as bright, the picture is so many times as bright. The filter's weights are
-    /// fourth powers, which must stay within single precision.
+    /// If all light is n times as bright, the picture is n times as bright, too. The filter's weights are fourth
+    /// powers, which must stay within single precision.
     #[test]
     fn light_of_any_brightness_is_filtered() {
         let picture = |brightness: f32| {

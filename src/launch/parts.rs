@@ -21,7 +21,8 @@ const PADDING_BYTES: u64 = 128;
 /// The inputs from which all kernels of a frame are made.
 pub(super) struct Parts<'a> {
     pub setup: Setup<'a>,
-    /// Arguments that depend on the scene, the camera, and the buffers of working vectors and planes.
+    /// Arguments for the scene, the camera and the frame's buffers, such as those of working vectors, planes, records
+    /// and samples.
     pub arguments: Arguments<'a>,
     pub working: &'a Working,
     pub prepared: Option<&'a Buffer<f32>>,

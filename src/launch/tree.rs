@@ -56,9 +56,9 @@ impl HostTree {
         Ok(Some(Self { wide, build_ms: ms_since(start) }))
     }
 
-    /// Builds the tree before a device is open. Returns `None` if the memory of host or device does not
-    /// suffice or the build fails: the session reports the error later. The function also returns `None` if
-    /// the strategy uses no tree.
+    /// Builds the tree before a device is open. Returns `None` if the host lacks memory, if the device does not
+    /// meet the strategy's requirements (memory, for example), or if the build fails: the session reports the
+    /// error later. The function also returns `None` if the strategy uses no tree.
     pub fn ahead(
         mesh: &Mesh,
         strategy: &Strategy,
