@@ -103,8 +103,8 @@ mod tests {
 
     #[test]
     fn a_device_that_knows_the_queries_is_described() {
-        // The numbers are those of Khronos's OpenCL headers: 0x10.. except the UUID's in CL/cl.h, all others in
-        // CL/cl_ext.h.
+        // The numbers are those of Khronos's OpenCL headers. Numbers that begin with 0x10, except the UUID's, are
+        // in CL/cl.h; the UUID's number and all others are in CL/cl_ext.h.
         let answers = |query: u32| match query {
             0x4000 => word(9),                               // CL_DEVICE_COMPUTE_CAPABILITY_MAJOR_NV
             0x4001 => word(0),                               // CL_DEVICE_COMPUTE_CAPABILITY_MINOR_NV

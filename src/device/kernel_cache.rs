@@ -21,8 +21,8 @@ const ROOM_FILES: u64 = 16;
 /// driver is loaded. If PoCL cannot or must not use its default folder, the variables name a private folder
 /// in the system's folder of temporary files instead. If PoCL can use none of the folders that raycl tries,
 /// the environment variables name a folder that cannot exist, so that PoCL lists no device. Returns no
-/// variables if PoCL can use its default folder, or if the user has set `POCL_CACHE_DIR` to a text that is
-/// not empty.
+/// variables on systems other than Unix, if the user has set `POCL_CACHE_DIR` to a text that is not empty, or
+/// if `POCL_CACHE_DIR` is not set and PoCL can use its default folder.
 pub fn cache_variables() -> Vec<(&'static str, String)> {
     if cfg!(not(unix)) || named().is_some() {
         return Vec::new();
