@@ -12,8 +12,8 @@ const FURTHEST: usize = 80;
 
 /// Joins a line with the following lines until all round brackets are closed. Macros have shifted the
 /// brackets in the line `line`, so the following lines are no longer aligned with these brackets. `line` is
-/// returned unchanged if one of the joined lines ends in a comment before all brackets are closed, or if the
-/// brackets are never closed.
+/// returned unchanged if one of the joined lines ends in a `//` comment before all brackets are closed, or if
+/// the brackets are never closed.
 pub(super) fn whole_brackets(line: &[Token], after: &mut VecDeque<&[Token]>) -> Vec<Token> {
     let mut whole = line.to_vec();
     let mut taken = 0;
