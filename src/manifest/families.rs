@@ -44,7 +44,8 @@ pub static BVH: Family = Family {
     ],
 };
 
-/// The kernels that rasterise triangles. The shadow rays of this family are tested against every triangle.
+/// The kernels that rasterise triangles. Shadow rays of this family are cast without a tree: they are tested
+/// against one triangle after another.
 pub static RASTER: Family = Family {
     name: "raster",
     label: "traversal = raster",
