@@ -39,7 +39,7 @@ impl Task {
     }
 
     /// Returns the task of casting the same picture with `samples` samples per pixel. With more than one
-    /// sample, lights with a radius make the task's field `soft` true. With one sample, lights with a radius
+    /// sample, lights with a radius or an area make the task's field `soft` true. With one sample, such lights
     /// count as points.
     #[must_use]
     pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
@@ -61,7 +61,7 @@ impl Task {
 /// presets (named strategies) for these candidates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Candidate {
-    /// Every ray is tested against every triangle.
+    /// Without a tree, each ray is tested against one triangle after another.
     Exhaustive,
     /// Single rays (on a GPU) or packets of rays (on a CPU) traverse a tree.
     Single,
@@ -102,7 +102,7 @@ const TREE_TRIANGLES: usize = 10;
 /// on an H200 (docs/results/rule/h200.json).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
-    /// With fewer triangles than this limit, every ray is tested against all triangles.
+    /// With fewer triangles than this limit, the rays are cast without a tree.
     pub tree_triangles: f64,
     /// From this number of triangles per covered pixel on, the rays of a tile share too little work, and single rays
     /// are faster.
@@ -239,7 +239,8 @@ impl Class {
 }
 
 impl Candidate {
-    /// The way to cast a picture with tiles on a CPU, or with the smallest tiles on a GPU.
+    /// The way to cast a picture with tiles on a CPU. On a GPU, this candidate has the smallest tiles and fused
+    /// passes.
     pub const TILES: Self = Self::Tiles { large: false, separate: false };
 
     /// Returns the candidate's name in the files of stored sweeps (times of all candidates on a device).

@@ -359,8 +359,8 @@ mod tests {
         ),
     ];
 
-    /// Returns the strategy with the values of the axes `base`, except those of the axes `changes`, both written as
-    /// `axis=value axis=value`, as the strategy writes itself.
+    /// Returns the text `base` of a strategy (`axis=value axis=value ...`), but with the values that the text
+    /// `changes` states for some of the axes.
     fn changed(base: &str, changes: &str) -> String {
         let value = |own: &str| {
             let axis = own.split_once('=').map(|(axis, _)| axis);

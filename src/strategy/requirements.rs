@@ -405,8 +405,8 @@ fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
 
 /// Returns the bytes of a tree node, and an estimate of the number of nodes. The number of nodes is first
 /// computed for full nodes, and for leaves that are half full but have at least four triangles. This number
-/// of nodes is then multiplied by three, because leaves usually have fewer triangles than assumed: a leaf is
-/// split if a node would otherwise have unused slots.
+/// of nodes is then multiplied by three, because leaves usually have fewer triangles than assumed: in trees
+/// with fewer than 32 children per node, a leaf is split if a node would otherwise have unused slots.
 fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
     let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;

@@ -249,8 +249,8 @@ fn strategies() -> impl proptest::strategy::Strategy<Value = Strategy> {
 }
 
 /// Generates numbers with at most `bits` bits. First, a number of bits from 0 to `bits` is drawn, then a
-/// number with at most so many bits. Numbers with few bits are therefore drawn as often as numbers with many
-/// bits.
+/// number with at most this number of bits. Numbers with few bits are therefore drawn as often as numbers with
+/// many bits.
 fn magnitudes(bits: u32) -> impl proptest::strategy::Strategy<Value = u64> {
     (0..=bits, any::<u64>()).prop_map(|(bits, number)| number.checked_shr(64 - bits).unwrap_or(0))
 }
