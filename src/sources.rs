@@ -31,8 +31,9 @@ pub enum Sources {
 }
 
 impl Sources {
-    /// Returns the text of the kernel file `name`, a path relative to `cl/`. The built-in file has this text only
-    /// if nothing is at the path in the user's folder, not even a link that leads nowhere.
+    /// Returns the text of the kernel file `name`, a path relative to `cl/`. If there is a user's folder, the text
+    /// of the built-in file is returned only if nothing is at the path in the user's folder, not even a link that
+    /// leads nowhere.
     pub fn read(&self, name: &str) -> Result<String> {
         if let Self::Folder(folder) = self {
             let path = folder.join(name);
