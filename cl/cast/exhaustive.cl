@@ -63,7 +63,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #endif
             if (!intersect(&probe, from, direction, row, t_max, &hit)) continue;
 #if PLANES_OF_ORIGIN
-            // A hit computed from a distant light has lost its last digits, so holes are looked up at a hit computed from P.
+            // A hit computed from a distant light has lost its last digits, so holes are looked up at a hit from P.
             open &= !SOLID_ON_RAYS(&scene->textures, first + k, corners(&scene->geometry, first + k),
                                    working_get(working, POINT), to_light, hit.lanes);
 #else
