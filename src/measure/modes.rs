@@ -5,12 +5,13 @@ use super::summary::quantile;
 use std::collections::BTreeMap;
 
 /// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds
-/// [`DIP_LIMIT`] - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution has the largest dips
-/// (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a simulation, sets of 10
-/// to 200 times were drawn from the uniform distribution. The dips of 99.9% of these sets stayed below the threshold.
-/// Therefore, if the times of a point have one mode (they cluster around one value), their dip exceeds the threshold
-/// with a probability of at most about 1 in 1000. In practice the probability of such a dip is lower, since
-/// distributions of times have tails, unlike the uniform distribution.
+/// [`DIP_LIMIT`] - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution has
+/// the largest dips (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a
+/// simulation, sets of 10 to 200 times were drawn from the uniform distribution. The dips of 99.9% of these
+/// sets stayed below the threshold. Therefore, if the times of a point have one mode (they cluster around one
+/// value), their dip exceeds the threshold with a probability of at most about 1 in 1000. In practice the
+/// probability of such a dip is lower, since distributions of times have tails, unlike the uniform
+/// distribution.
 const DIP_LIMIT: f64 = 0.8;
 const DIP_DECREASE: f64 = 0.75;
 /// [`Modes::of`] returns `None` for fewer than `FEWEST` times.
@@ -53,9 +54,9 @@ impl Modes {
     /// Returns true if two conditions hold. First, the [`dip`] of the times exceeds the threshold (see
     /// [`DIP_LIMIT`]). Second, two groups of times with the sizes `samples` can have a dip above this
     /// threshold. If n times have only two values, and the rarer value occurs k times, the dip of these times
-    /// is k / 2n. If the values within the two groups of times differ, the dip is larger than k / 2n by at
-    /// most about 1 / 2n. If the smaller group of times is too small to cause the dip, this group consists of
-    /// a few samples that took long. The dip then has another cause, such as the steps of a timer.
+    /// is k / 2n. If the values within the two groups of times differ, the dip is larger than k / 2n by at most
+    /// about 1 / 2n. If the smaller group of times is too small to cause the dip, this group consists of a few
+    /// outliers, such as samples that took long. The dip then has another cause, such as the steps of a timer.
     fn have_dip(&self, sorted: &[f64]) -> bool {
         let n = sorted.len() as f64;
         let root = n.sqrt();
@@ -108,16 +109,16 @@ fn cut(sorted: &[f64]) -> usize {
     best.0
 }
 
-/// Returns the dip: the largest distance between the values' distribution function and the nearest
-/// distribution function with one mode. The algorithm is AS 217 (Hartigan, *Computation of the Dip Statistic
-/// to Test for Unimodality*, Applied Statistics 34, 1985). The algorithm narrows the modal interval, in which
-/// the mode lies. The algorithm compares the distribution function with two hulls: the greatest convex
-/// minorant (the highest convex curve that is nowhere above the function) and the least concave majorant (the
-/// lowest concave curve that is nowhere below it). Below the modal interval, the algorithm measures the
-/// distance between the distribution function and its convex minorant; above the modal interval, the distance
-/// between the distribution function and its concave majorant. The algorithm ends when the modal interval
-/// stays the same, or when the largest distance between the two hulls within the modal interval is at most
-/// the largest distance measured so far.
+/// Returns the dip: the largest distance between the values' distribution function and the nearest distribution
+/// function with one mode. The algorithm is AS 217 (Hartigan, *Computation of the Dip Statistic to Test for
+/// Unimodality*, Applied Statistics 34, 1985). The algorithm narrows the modal interval, in which the mode
+/// lies. The algorithm compares the distribution function with two hulls: the greatest convex minorant (the
+/// highest convex curve that is nowhere above the function) and the least concave majorant (the lowest concave
+/// curve that is nowhere below it). Below the modal interval, the algorithm measures the distance between the
+/// distribution function and its convex minorant; above the modal interval, the distance between the
+/// distribution function and its concave majorant. The algorithm ends when the modal interval stays the same or
+/// has only equal values, or when the largest distance between the two hulls within the modal interval is at
+/// most the largest distance measured so far.
 fn dip(sorted: &[f64]) -> f64 {
     let n = sorted.len();
     let (mut low, mut high, mut dip) = (0, n - 1, 1.0_f64);
@@ -141,20 +142,22 @@ fn dip(sorted: &[f64]) -> f64 {
     dip / (2.0 * n as f64)
 }
 
-/// Returns the indices between `low` and `high` at which the greatest convex minorant touches the distribution
-/// function.
+/// Returns the indices, from `low` to `high`, of the corners of the greatest convex minorant of the
+/// distribution function.
 fn minorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left >= right)
 }
 
-/// Returns the indices between `low` and `high` at which the least concave majorant touches the distribution function.
+/// Returns the indices, from `low` to `high`, of the corners of the least concave majorant of the distribution
+/// function.
 fn majorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left <= right)
 }
 
-/// Returns the indices of those points of the distribution function that lie on a hull. The coordinates of a
-/// point are a value and the value's index. The arguments of `bent` are the slopes of the hull before and
-/// after a point, multiplied by the same number. `bent` returns true if the point does not lie on the hull.
+/// Returns the indices of those points of the distribution function that are corners of a hull, including its
+/// two ends. The coordinates of a point are a value and the value's index. The arguments of `bent` are the
+/// slopes of the hull before and after a point, multiplied by the same number. `bent` returns true if the point
+/// is no corner of the hull.
 fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool) -> Vec<usize> {
     let mut hull: Vec<usize> = Vec::new();
     for index in low..=high {
@@ -172,7 +175,7 @@ fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool
     hull
 }
 
-/// Returns the greatest distance between the two hulls, measured at the points of both hulls. The hulls are
+/// Returns the greatest distance between the two hulls, measured at the corners of both hulls. The hulls are
 /// the convex minorant `below` and the concave majorant `above`. Also returns the first and the last index of
 /// the narrower modal interval in which this distance was measured.
 fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usize) {

@@ -40,9 +40,10 @@ pub(super) struct Prior {
 }
 
 impl Prior {
-    /// Estimates the distribution from one observed variance per point, each with `degrees` degrees of freedom. All
-    /// true variances are taken to be equal in three cases: if there are fewer than three points (which cannot show
-    /// whether variances differ), if `degrees` is 0, or if all observed variances are 0.
+    /// Estimates the distribution from one observed variance per point, each with `degrees` degrees of freedom.
+    /// All true variances are taken to be equal in four cases: if there are fewer than three points (which
+    /// cannot show whether variances differ), if `degrees` is 0, if all observed variances are 0, or if the
+    /// observed variances differ no more than by chance.
     pub fn of(variances: &[f64], degrees: usize) -> Self {
         let mean = mean_of(variances.iter().copied());
         if variances.len() < 3 || degrees == 0 || mean == 0.0 {

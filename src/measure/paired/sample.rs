@@ -3,7 +3,8 @@
 /// One measured time of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairedSample {
-    /// The index of the measured point among the points that are compared.
+    /// The index of the measured point among the points that are compared. The indices of anchors (work that is
+    /// timed for comparison) follow the indices of the points.
     pub point: usize,
     /// The number of the launch in which the time was measured.
     pub launch: u32,

@@ -18,11 +18,11 @@ const BORROWED: usize = 6;
 const FEWEST_LENDERS: usize = 4;
 /// A variance that is more than `MOST_TIMES_USUAL` times the usual variance is not averaged with the usual
 /// variance. If every variance were averaged with the usual variance, the result would be far too small for a
-/// point whose times vary more than those of the others. In simulations of four launches
-/// (docs/methodology.md), one point varied eight times as much as the others. If the point's variance was
-/// always averaged, 80 to 83% of the 95% intervals of this point's ratios contained the true ratio. With the
-/// limit `MOST_TIMES_USUAL`, 94 to 95% of these intervals contained the true ratio. Even if all pairs of
-/// points vary equally, the variance of one pair in nine exceeds the limit `MOST_TIMES_USUAL` by chance.
+/// point whose times vary more than those of the others. In simulations of four launches (docs/methodology.md),
+/// one point varied eight times as much as the others. If the point's variance was always averaged, 80 to 83%
+/// of the 95% intervals of this point's ratios contained the true ratio. With the limit `MOST_TIMES_USUAL`, 94
+/// to 95% of these intervals contained the true ratio. Even if all pairs of points vary equally, the variance
+/// of one pair in nine exceeds the limit `MOST_TIMES_USUAL` by chance in four launches.
 const MOST_TIMES_USUAL: f64 = 2.0;
 /// The effect that a launch (a column of the table) has on all points (rows) is estimated from the steadiest
 /// rows only: from one row in `STEADY_PART`. Rows that are not among the steadiest may be far from steady.

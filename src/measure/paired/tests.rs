@@ -293,8 +293,8 @@ fn the_ratio_to_an_anchor_on_processors_has_the_anchors_own_spread_and_not_that_
     assert!(to_anchor.degrees > 1.1, "{to_anchor:?}");
 }
 
-/// Two kernels take equally long in all launches. A third point, which is not typical, takes twice as long in
-/// one launch.
+/// The time of each of two kernels hardly changes from launch to launch. A third point, which is not typical,
+/// takes twice as long in one launch.
 #[test]
 fn a_point_that_is_not_typical_has_no_part_in_the_usual_spread() {
     let mut samples = steady(3, 3, 9);
