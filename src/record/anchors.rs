@@ -1,7 +1,7 @@
 //! `anchors.jsonl`: times of the anchor, which is a kernel that never changes. Each device runs the anchor
 //! kernel once for every six samples of its points, or once in every round if a round has fewer than six
-//! samples on the device. With the anchor's times, runs can be compared even if the machine's speed changed
-//! between the runs.
+//! samples on the device. In a run with a single launch, the anchor is not run. With the anchor's times, runs
+//! can be compared even if the machine's speed changed between the runs.
 
 use super::plan::CurrentPlan;
 use super::types::Record;
@@ -54,7 +54,7 @@ pub(super) struct AnchorTimes<'a> {
     /// If a sample's utilization is unknown, the list contains all samples.
     pub remaining: Vec<&'a AnchorSample>,
     /// The ratio of the anchor's processor time to its elapsed time; `None` if a sample lacks one of these
-    /// times.
+    /// times, or if an elapsed time is 0.
     pub utilization: Option<AnchorUtilization>,
 }
 

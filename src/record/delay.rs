@@ -11,10 +11,11 @@
 
 use super::types::Record;
 
-/// Returns the error that other programs may have caused in the change of a point's time between two runs.
-/// The change is the ratio of the point's two times, each divided by the anchor's time in the same run. The
-/// error is the logarithm of the factor by which this ratio may be too large. The error is negative if the
-/// ratio may be too small, and 0 if nothing shows an error of the ratio.
+/// Returns the error that other programs may have caused in the change of a point's time between two runs. The
+/// change is the ratio of the point's time in the second run (`after`) to its time in the first run (`before`),
+/// each divided by the anchor's time in the same run. The error is the logarithm of the factor by which this
+/// ratio may be too large. The error is negative if the ratio may be too small, and 0 if nothing shows an error
+/// of the ratio.
 pub(crate) fn unshared_delay(before: &Record, after: &Record) -> f64 {
     known(before, after).unwrap_or(0.0)
 }

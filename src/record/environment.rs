@@ -65,8 +65,9 @@ pub struct Source {
     /// null if a file cannot be read.
     pub hash: Option<String>,
     /// The commit that is checked out in the file's repository, and whether the file has been changed since
-    /// this commit (see [`git_state`]). Null if the file is in no git repository, and for the kernels that
-    /// raycl's binary contains.
+    /// this commit; "in no commit" if the commit does not contain the file (see [`git_state`]). Null if no git
+    /// repository with a commit contains the file, if git is not installed, and for the kernels that raycl's
+    /// binary contains.
     pub git: Option<String>,
 }
 

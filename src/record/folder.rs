@@ -31,9 +31,9 @@ pub struct Folder {
     pub path: PathBuf,
     /// The run's name in reports, which is the folder's name.
     pub label: String,
-    /// One record per point of the current plan, in the plan's order and with the plan's names. Without a
-    /// plan, `records` has the latest record of every point. If scenes with different contents have the same
-    /// name, each of them has a new name in `records`.
+    /// One record per point of the current plan that has a record, in the plan's order and with the plan's
+    /// names. Without a plan, `records` has the latest record of every point. If scenes with different contents
+    /// have the same name, each of them has a new name in `records`.
     pub records: Vec<Record>,
     /// If the plan is divided into blocks, `controls` has the records of control points (points that every
     /// block measures) that serve only to compare blocks. The field `records` does not contain the records in

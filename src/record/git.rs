@@ -82,7 +82,7 @@ fn hash_object(folder: &Path) -> Command {
 }
 
 /// Returns a git command for the repository of a folder. The command fetches nothing: an empty list of allowed
-/// protocols forbids also those that the repository's configuration allows.
+/// protocols also forbids the protocols that the repository's configuration allows.
 fn git(folder: &Path) -> Command {
     let mut command = Command::new("git");
     for name in REDIRECTIONS {

@@ -52,10 +52,10 @@ impl<T: Serialize + DeserializeOwned> JsonLines<T> {
     }
 
     /// Appends lines. When this function returns, all lines are on the disk. The lines are written in one
-    /// write, since each write waits for the disk. After an error, the file contains none of the lines. The
-    /// file does not end with an incomplete line either, since the next lines would be appended to this
-    /// incomplete line. (If another process has appended lines during the write, some whole lines may stay in
-    /// the file.)
+    /// write, since each write waits for the disk. After an error, the function removes these lines again,
+    /// including an incomplete line, since the next lines would be appended to this incomplete line. (If
+    /// another process has appended lines during the write, only an incomplete last line is removed.) If the
+    /// system does not let raycl remove the lines, they stay in the file.
     pub fn append_all(&mut self, lines: &[T]) -> Result<()> {
         let mut bytes = Vec::new();
         for line in lines {
@@ -159,7 +159,7 @@ impl<T> Lines<T> {
         ))
     }
 
-    /// Returns an input error (a mistake of the user) if the file has complete lines, but no line can be
+    /// Returns an input error (a mistake of the user) if the file has damaged lines, but no line that can be
     /// read. A file without a readable line is probably not a journal. `path` is the file's path.
     pub fn refuse_if_all_damaged(self, path: &Path) -> Result<Self> {
         match (&self.lines[..], &self.damaged[..]) {

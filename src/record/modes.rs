@@ -21,8 +21,9 @@ pub(crate) fn to_mind(record: &Record) -> Option<String> {
 }
 
 /// Returns a note such as "two modes: 108.9 ms (18 samples) and 174.5 ms (12 samples), one mode per launch".
-/// The words "one mode per launch" are added if each launch has a single mode. Returns `None` if the samples
-/// do not show two modes, or if the two modes may be steps of the timer (see [`are_steps`]).
+/// The words "one mode per launch" are added if each launch has a single mode. Returns `None` if the record has
+/// no time, if the samples do not show two modes, or if the two modes may be steps of the timer (see
+/// [`are_steps`]).
 pub(crate) fn two_modes(record: &Record) -> Option<String> {
     median(record)?;
     let modes =

@@ -19,7 +19,7 @@ use std::collections::HashSet;
 pub struct Noise {
     /// The device's name.
     pub device: String,
-    /// Number of launches in which the device's points were measured.
+    /// The largest number of launches in which one of the device's points was measured.
     pub launches: usize,
     /// Number of samples of all points together.
     pub samples: usize,
@@ -32,8 +32,8 @@ pub struct Noise {
     /// The distance from a point's median time to the upper end of its 95% interval, as a fraction of the
     /// median time (the median of this distance over all points).
     pub own_time: Option<f64>,
-    /// A text with the number of points that were not compared with other points, and the reason for the
-    /// first of these points; `None` if all points were compared.
+    /// A text that says how many points have no time or too few samples, and the reason for the first of these
+    /// points, or that no two points were measured together; otherwise `None`.
     pub not_compared: Option<String>,
     /// Readings that may explain the noise, such as the load by other processes.
     pub causes: Causes,
@@ -98,9 +98,11 @@ fn compared(records: &[Record]) -> impl Iterator<Item = &Record> {
     records.iter().filter(move |one| records.iter().any(|other| is_beside(one, other)))
 }
 
-/// Returns a text that says how many points were not compared with other points, and the reason for the first of these
-/// points. If all points have enough samples, but no two points of `records` were measured in the same rounds, the text
-/// says that a difference needs two points. Returns `None` if all points of the device were compared with each other.
+/// Returns a text that says how many points were not compared with other points, because they have no time, too
+/// few samples or times of 0, and the reason for the first of these points. If all points have enough samples,
+/// but no two of them were measured in the same rounds (for example, because there is only one point), the text
+/// says so. Returns `None` if all points have enough samples, and at least two of them were measured in the
+/// same rounds.
 fn not_compared(records: &[Record]) -> Option<String> {
     let why = |record: &Record| match median(record) {
         Some(_) => not_enough(record),

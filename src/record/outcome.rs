@@ -22,9 +22,9 @@ pub enum Outcome {
     /// The device refused or failed to run the kernel; or the free memory became too small for the point
     /// after the point had been cast once.
     LaunchFailed,
-    /// The image is not correct: pixels that are certain (that do not depend on rounding) differ from the
-    /// reference, too many uncertain pixels are outside the range of values that the reference yields for
-    /// them, or the number of pixels with a hit is wrong. Points with wrong images are not timed.
+    /// The image is not correct. For example, pixels that are certain (that do not depend on rounding) differ
+    /// from the reference, too many uncertain pixels are outside the range of values that the reference yields
+    /// for them, or the number of pixels with a hit is wrong. Points with wrong images are not timed.
     WrongImage,
     /// A step of the measurement, such as compiling the program or casting a frame, took longer than the time
     /// limit.

@@ -41,10 +41,11 @@ pub struct PlannedPoint {
     pub device: String,
     /// The strategy's name.
     pub name: String,
-    /// The preset's name; null for a baseline, and if an axis differs from the preset.
+    /// The preset's name; null for a baseline, if an axis differs from the preset, and if two folders of
+    /// kernels are compared.
     pub preset: Option<String>,
-    /// The folder of the point's kernels, if two folders of kernels are compared. Plans of earlier versions
-    /// of raycl do not have this field.
+    /// The label of the folder of the point's kernels, if two folders of kernels are compared. Plans of earlier
+    /// versions of raycl do not have this field.
     #[serde(default)]
     pub kernels_of: Option<String>,
 }

@@ -73,12 +73,12 @@ fn beyond_a_tie(part: f64) -> f64 {
     (1.0 + part) * (1.0 + TIE) - 1.0
 }
 
-/// Returns the smallest difference between two records of `device` that a single launch can show, as a fraction. This
-/// smallest difference is computed for each launch by the rule of [`resolution`], so also from the records of other
-/// devices that were measured in the launch. The function returns the median over the launches in which at least two
-/// records of `device` were measured. Records with equal launch numbers must have been measured together. Records
-/// without a time, or with a sample of 0, are left out. Returns `None` if there is no launch with two records of
-/// `device`.
+/// Returns the smallest difference between two records of `device` that a single launch can show, as a
+/// fraction. This smallest difference is computed for each launch by the rule of [`resolution`], so also from
+/// the records of other devices that were measured in the launch. The function returns the median over the
+/// launches in which at least two records of `device` have enough samples. Records with equal launch numbers
+/// must have been measured together. Records without a time, or with a sample of 0, are left out. Returns
+/// `None` if there is no such launch.
 pub(crate) fn resolution_within(records: &[Record], device: &str) -> Option<f64> {
     let timed = records.iter().filter(|record| has_time(record));
     // The first record decides by how much times of two runs differ, so records of `device` come first.

@@ -36,8 +36,8 @@ pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
 }
 
 /// Returns the name of the anchor of the record's device, and the ratio of the record's time to the anchor's
-/// time. Returns `None` if the record has no relative times, if the anchor was not measured, or if the
-/// relative times were computed without anchors (see `judge_with_anchors`).
+/// time. Returns `None` if the record has no relative times, if the anchor was not measured or has too few
+/// samples or times of 0, or if the relative times were computed without anchors (see `judge_with_anchors`).
 pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     let times = record.relative_times.as_ref()?;
     let anchor = times.anchor.as_ref()?;

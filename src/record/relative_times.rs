@@ -16,8 +16,8 @@ pub struct RelativeTimes {
     /// The median of the record's samples in milliseconds. The interval of the record's median never depends
     /// on anchors, so every output of raycl shows the same interval.
     pub(super) median_ms: Interval,
-    /// The anchor of the record's device. `None` if the device has no anchor, or if the relative times were
-    /// computed without anchors.
+    /// The anchor of the record's device. `None` if the device has no anchor, if the anchor has too few samples
+    /// or times of 0, or if the relative times were computed without anchors.
     pub(super) anchor: Option<MeasuredAnchor>,
     /// The control point (a point that every block of the group measures) of the record's block. `None` if
     /// the group was not divided into blocks, or if the control point has no time in this block.
@@ -32,7 +32,7 @@ pub(super) struct MeasuredAnchor {
     /// The times of the anchor (work that is timed for comparison), relative to the times of the records that
     /// were measured together with it.
     pub(super) standing: Standing,
-    /// The ratio of the anchor's processor time to its elapsed time; `None` if a sample of the anchor lacks
-    /// one of these times.
+    /// The ratio of the anchor's processor time to its elapsed time; `None` if a sample of the anchor lacks one
+    /// of these times, or if an elapsed time is 0.
     pub(super) utilization: Option<AnchorUtilization>,
 }

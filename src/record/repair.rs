@@ -95,7 +95,7 @@ fn damaged(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Damaged>> 
 }
 
 /// Writes a copy of a journal to the disk, in the same folder and under an unused name. Returns the copy's
-/// path. A copy that cannot be written completely, because the disk is full, does not appear.
+/// path. A copy that cannot be written completely, for example because the disk is full, does not appear.
 fn keep_copy(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     let named = |number: usize| path.with_extension(format!("jsonl.damaged-{number}"));
     let mut number = 1;

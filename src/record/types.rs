@@ -66,14 +66,16 @@ pub struct Record {
     /// result is in another record, in which `is_control` is absent.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
-    /// The strategy's name in the config, followed by the axes that have several values in the config. Without a name in
-    /// the config, the preset's name, and the axes that differ from the preset or have several values in the config. For
-    /// a baseline, the baseline's name in the config.
+    /// The strategy's name in the config, followed by the axes that have several values in the config. Without a
+    /// name in the config, the preset's name, and the axes that differ from the preset or have several values in
+    /// the config. If the run compares two folders of kernels, the label of the folder of the point's kernels
+    /// follows in brackets. For a baseline, the baseline's name in the config.
     pub name: String,
-    /// The name of the preset that is the point's strategy; null for a baseline, and if the strategy differs
-    /// from its preset on an axis.
+    /// The name of the preset that is the point's strategy; null for a baseline, if the strategy differs from
+    /// its preset on an axis, and if the run compares two folders of kernels.
     pub preset: Option<String>,
-    /// The folder with the source files of the point's kernels, if the run compares two such folders.
+    /// The label of the folder with the source files of the point's kernels, if the run compares two such
+    /// folders.
     #[serde(default)]
     pub kernels_of: Option<String>,
     /// The strategy's value on every axis, such as "traversal=bvh width=1 ..."; for a baseline "serial-f32",
@@ -182,7 +184,8 @@ pub struct Record {
     #[serde(default)]
     pub uncertain_hits: Option<u64>,
     /// Number of pixels whose values are outside the range of values that the reference yields if rays are
-    /// moved slightly; only pixels that depend on such changes count. Verification limits this number.
+    /// moved slightly, or if another small change is made; only pixels that depend on such changes count.
+    /// Verification limits this number.
     pub unexplained_pixels: Option<u64>,
     /// Bytes of `__local` memory that a work-group needs.
     pub local_bytes: Option<u64>,

@@ -12,8 +12,8 @@ use crate::record::types::Record;
 use std::collections::HashMap;
 
 /// Returns the text of the section "One change at a time", with a table for each device. The text is empty if
-/// no two strategies differ in a single axis. `groups` are the groups of `records`, and `names` contains the
-/// name to show for each device.
+/// no two strategies that have times on the same device, scene and image size differ in a single axis. `groups`
+/// are the groups of `records`, and `names` contains the name to show for each device.
 pub(super) fn section(records: &[Record], groups: &[Group<'_>], names: &HashMap<&str, String>) -> String {
     let changes = changes(records, groups);
     if changes.is_empty() {

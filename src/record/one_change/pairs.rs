@@ -12,7 +12,7 @@ pub(super) struct Identity<'a> {
     /// The strategy's axes with their values, sorted. If an axis is newer than the record, `axes` contains
     /// the axis with the value that describes what raycl did before the axis existed.
     axes: Vec<(&'a str, &'a str)>,
-    /// The folder of the strategy's kernels, if two folders of kernels are compared.
+    /// The label of the folder of the strategy's kernels, if two folders of kernels are compared.
     kernels_of: Option<&'a str>,
 }
 

@@ -150,7 +150,8 @@ fn only_a_steady_anchor_that_no_processor_runs_is_compared_with_the_usual_spread
     assert_eq!(degrees(None, 20.0), Some(1.0));
 }
 
-/// The baseline takes 1.4 times as long in one of four launches. The two kernels are equally fast in all launches.
+/// The baseline takes 1.4 times as long in one of four launches. Each of the two kernels takes the same time in
+/// all launches.
 #[test]
 fn a_noisy_baseline_does_not_hide_differences_between_kernels() {
     let point = |name: &str, device: &str, ms: f64, slow: f64| {
