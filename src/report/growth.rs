@@ -22,8 +22,8 @@ pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     devices(groups).into_iter().enumerate().flat_map(of_device).collect()
 }
 
-/// Plots times over the number of triangles, at the image size and the number of samples per pixel with the most scenes.
-/// Returns `None` if all these scenes have the same number of triangles.
+/// Plots times over the number of triangles, at the image size and the number of samples per pixel with the
+/// most scenes. Returns `None` if all these scenes have the same number of triangles.
 fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, index: usize) -> Option<Plot> {
     let case = |group: &&Group<'_>| (group.image_size, group.samples());
     let most = most_common(own.iter().map(case))?;

@@ -120,9 +120,9 @@ impl<'a> Origins<'a> {
     }
 }
 
-/// Returns the number of points, without baselines, that have records in several folders. `records` contains the records
-/// of each folder, with the names of [`labelled`]. (A group of points is compared with the baselines of its own folder,
-/// even if a later folder has the same baselines.)
+/// Returns the number of points, without baselines, that have records in several folders. `records` contains
+/// the records of each folder, with the names of [`labelled`]. (A group of points is compared with the
+/// baselines of its own folder, even if a later folder has the same baselines.)
 fn repeated(records: &[Vec<Record>]) -> usize {
     let points = |records: &Vec<Record>| -> HashSet<String> {
         records.iter().filter(|record| !record.is_baseline()).map(point).collect()

@@ -139,8 +139,9 @@ fn facts(listing: &Listing, kernel: Option<&CompiledKernel>) -> Vec<(&'static st
     if listing.counts.iter().next().is_some() {
         facts.insert(2, ("by kind", listing.counts.to_string()));
     }
-    // The driver reports spilled registers, `__local` memory and occupancy, so these are known only for the
-    // code that the driver generated, and not for the output of `ptxas`.
+    // The driver reports spilled registers and `__local` memory, and raycl predicts the occupancy from the
+    // driver's report. These three values are therefore known only for the code that the driver generated, and
+    // not for the output of `ptxas`.
     if let Some(kernel) = kernel.filter(|_| listing.is_drivers) {
         facts.push(("bytes of spilled registers", printed(kernel.resources.spill_store_bytes)));
         let local = kernel.known_local_bytes();

@@ -73,8 +73,8 @@ pub fn write(folders: &[Folder], out: &mut OutFolder) -> Result<Written> {
     Ok(Written { page: at(PAGE), plots: (at("plots"), plots.len()), exports: at("exports") })
 }
 
-/// Returns files for other tools: the results in T4 (a format of auto-tuners), a cache file of Kernel Tuner
-/// for each group of points, and a CSV file with a row per record.
+/// Returns files for other tools: the results in T4 (a format of auto-tuners), a cache file of Kernel Tuner for
+/// each group of points except baselines, and a CSV file with a row per record.
 fn exports(records: &[Record]) -> Result<Files> {
     let mut files = vec![
         ("exports/t4-results.json".to_owned(), t4_results(records).into_bytes()),

@@ -65,7 +65,7 @@ fn column_name((scene, size): (&str, [u32; 2]), one_size: bool) -> String {
     if one_size { scene.to_owned() } else { format!("{scene} {}x{}", size[0], size[1]) }
 }
 
-/// Returns the name of each device that has records once, without the host.
+/// Returns the names of the devices that have records, each name once, without the host.
 pub(super) fn devices<'a: 'g, 'g>(groups: impl IntoIterator<Item = &'g Group<'a>>) -> Vec<&'a str> {
     let mut devices = Vec::new();
     for group in groups.into_iter().filter(|group| group.device != HOST) {

@@ -60,9 +60,9 @@ pub struct View {
     lines: Option<[Plot; 2]>,
     others: Vec<Plot>,
     rows: Vec<Row>,
-    /// The command (`raycl compile`) that shows the instructions of the fastest point. The command is empty
-    /// if no point has a rank (enough samples, none of which is 0), if the report is on several folders, or
-    /// if an argument of the command is unknown.
+    /// The command (`raycl compile`) that shows the instructions of the fastest point. The command is empty if
+    /// no point has a rank (enough samples, none of which is 0), if the report is on several folders, or if
+    /// `raycl compile` cannot show the point (see [`microscope::command`]).
     microscope: String,
 }
 

@@ -112,8 +112,9 @@ impl Ratio {
 const LONGER_FRAMES: &str =
     "longer frames, such as those of a larger image: the times are below the timer's resolution";
 
-/// Returns why the ratio of two records' times is unknown. If both times are unknown, returns the reason of the record
-/// whose smallest launch has fewer samples. Returns `None` if neither record's time is unknown.
+/// Returns why the ratio of two records' times is unknown: a record has too few samples, or times of 0. If this
+/// is true of both records, returns the reason of the record whose smallest launch has fewer samples above 0.
+/// Returns `None` if it is true of neither record.
 fn why_unsure(slow: &Record, fast: &Record) -> Option<String> {
     let reasons = [slow, fast].into_iter().filter_map(|record| Some((fewest(record), not_enough(record)?)));
     reasons.min_by_key(|(n, _)| *n).map(|(_, why)| why)

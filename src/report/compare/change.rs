@@ -10,11 +10,11 @@ use crate::record::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which both times
-/// are divided. The reference is the time of the device's anchor. If the device has no anchor, the reference is the
-/// mean time of the point's `references`. Where devices differ and have no common reference, the times themselves are
-/// compared. Returns `None` if the point has no reference although its device is the same, or if a record has too few
-/// samples or times of 0.
+/// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which
+/// both times are divided. The reference is the time of the device's anchor, if both runs measured the same
+/// anchor. Otherwise, the reference is the mean time of the point's `references`. Where devices differ and have
+/// no common reference, the times themselves are compared. Returns `None` if the point has no reference
+/// although its device is the same, or if a record has too few samples or times of 0.
 pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Interval, Against)> {
     if let Some(change) = against_anchor(pair) {
         return Some((change, Against::Anchor));
@@ -57,9 +57,9 @@ impl<'a> References<'a> {
         Self(groups.into_iter().map(|(rounds, beside)| (rounds, found(beside))).collect())
     }
 
-    /// Returns the references of `points` (points of the same rounds, by whose mean time other times are
-    /// divided), and the kind of these references. The points in `points` were measured together, and are not
-    /// returned as their own references. Returns `None` if no other point can be a reference.
+    /// Returns the references of `points`, and the kind of these references. The references are other points of
+    /// the same rounds, by whose mean time the times of `points` are divided. The points in `points` must have
+    /// been measured together. Returns `None` if no other point can be a reference.
     pub fn of(&self, points: &[Both<'_>]) -> Option<(Vec<Both<'a>>, Against)> {
         let (references, against) = self.found(*points.first()?)?;
         let is_own = |one: &Record| points.iter().any(|(own, _)| std::ptr::eq(one, *own));

@@ -13,7 +13,8 @@ use crate::record::{
     unshared_delay,
 };
 
-/// The largest probability with which a comparison of two runs of the same program may report a regression.
+/// The probability with which a comparison of two runs of the same program should at most report a regression.
+/// (With two launches, the actual probability is up to twice as large.)
 const RISK: f64 = 0.02;
 
 /// Returns one line per slowdown that exceeds `limit_percent` with the certainty that `RISK` demands. A

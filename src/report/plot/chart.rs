@@ -197,8 +197,8 @@ impl Chart {
     }
 }
 
-/// Returns the largest number of characters of the y axis's label, which may extend beyond both ends of the
-/// axis by the smallest room above it.
+/// Returns the largest number of characters of the y axis's label. The label may extend beyond each end of the
+/// axis by the room that a title of one line leaves above the axis.
 fn longest_upright(layout: Layout) -> usize {
     ((layout.height + 2.0 * layout.top) / LETTER) as usize
 }
@@ -269,7 +269,8 @@ mod tests {
         let names = vec!["a name of 20 letters".to_owned(); 20];
         let chart = Chart { across: Across::Names(names), ..chart("naive") };
         let frame = chart.frame(WIDE);
-        // A slanted name begins 14 pixels below the axis, and descends at 35 degrees.
+        // A slanted name ends 14 pixels below the axis. Its beginning is lower, since the name rises at 35
+        // degrees.
         let lowest = frame.bottom + 14.0 + 20.0 * LETTER * 35.0_f64.to_radians().sin();
         assert!(chart.label_top(&frame) > lowest, "{} is above {lowest}", chart.label_top(&frame));
     }

@@ -149,7 +149,8 @@ impl HeatMap {
         format!("url(#{id})")
     }
 
-    /// Returns true if a cell has a time. A heat map without times has no colour scale.
+    /// Returns true if a cell has a time that can be compared. A heat map without such times has no colour
+    /// scale.
     pub(super) fn has_times(&self) -> bool {
         self.rows.iter().flat_map(|(_, cells)| cells).any(|cell| matches!(cell, Cell::Time { .. }))
     }

@@ -127,7 +127,7 @@ mod tests {
         }
     }
 
-    /// Returns the x coordinate of the right end of every SVG element that has an x and a width.
+    /// Returns the x coordinate of the right end of every SVG rectangle that has an x and a width.
     fn ends(svg: &str) -> Vec<f64> {
         let value = |part: &str, name: &str| -> Option<f64> {
             part.split_once(&format!(" {name}=\"")).and_then(|(_, rest)| rest.split('"').next()?.parse().ok())

@@ -13,8 +13,8 @@ const MARKERS: usize = 6;
 pub struct Look {
     /// The number of the series, which determines the series' colour and marker.
     pub number: usize,
-    /// True if the series has a dashed line and empty markers. Values that the student paper published are shown in
-    /// this way.
+    /// True if the series has a dashed line and empty markers. Values that the student paper published, fitted
+    /// lines and roofs (measured peak rates) are shown in this way.
     pub dashed: bool,
 }
 

@@ -61,8 +61,8 @@ const ABOVE: Form = Form {
 const ABOVE_MARGIN: f64 = 18.0;
 /// The margin on the right of a plot on a screen, in pixels.
 const BESIDE_MARGIN: f64 = 24.0;
-/// The distance from the right end of a row's name to the y axis on a screen, in pixels. The row's median is between
-/// them.
+/// The distance from the right end of a row's name to the left end of the x axis on a screen, in pixels. The
+/// row's median is between them.
 const BESIDE_VALUE: f64 = 92.0;
 /// The label of the x axis. The label is centred below the x axis, and must not be much longer than the axis.
 const LABEL: &str = "a sample's time minus the point's median, in % of the median";

@@ -366,9 +366,9 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
     facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-/// Compares the best kernel with the kernel of the preset `naive`: "private: 62 registers (naive: 67), ...". `name` is
-/// the best kernel's preset. The text contains only properties that are known for both kernels. If there are none, the
-/// text says that the compiler does not report registers.
+/// Compares the best kernel with the kernel of the preset `naive`: "private: 62 registers (naive: 67), ...".
+/// `name` is the name of the best kernel's strategy. The text contains only properties that are known for both
+/// kernels. If there are none, the text says that the compiler does not report registers.
 fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> String {
     let pair = |(fact, value): &(&str, String)| {
         let (_, other) = naive.iter().find(|(known, _)| known == fact)?;

@@ -18,8 +18,9 @@ const PUBLISHED: [(u32, u64); 5] = [(2, 32), (4, 128), (8, 512), (16, 1536), (32
 const BLOCKS: [u32; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 32];
 
 /// Returns a plot like the paper's Figure 5 with three curves: the published values, the prediction for the
-/// paper's number of registers, and the prediction for the kernel of the preset `naive` on the device
-/// `device`. The curve for the kernel of `naive` is left out if this kernel's number of registers is unknown.
+/// paper's number of registers, and the prediction for the kernel of the preset `naive` on the device `device`.
+/// The curve for the kernel of `naive` is left out if the records contain no such prediction, for example
+/// because this kernel's number of registers is unknown.
 pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
     let published = PUBLISHED.iter().map(|(block, threads)| mark(*block, *threads, "published"));
     let mut series = vec![one("Figure 5, published".to_owned(), 0, true, published.collect())];
