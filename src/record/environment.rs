@@ -23,8 +23,8 @@ pub struct Environment {
     /// How raycl was built: profile, optimisation, target and the target's features, flags, compiler.
     #[serde(default)]
     pub build: String,
-    /// All environment variables of OpenCL drivers and loaders that are set, as `NAME=VALUE`, including
-    /// variables that do not affect results.
+    /// All environment variables of OpenCL drivers, loaders and the library Rayon that are set, as
+    /// `NAME=VALUE`, including variables that do not affect results.
     #[serde(default)]
     pub variables: Vec<String>,
     /// When the run began, in the format of RFC 3339.

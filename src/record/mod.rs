@@ -1,5 +1,5 @@
-//! Results of measurements: one flat record per point, stored as a line of JSON, and summaries that are
-//! computed from records alone.
+//! Results of measurements: one record per point, stored as a line of JSON, and summaries that are computed
+//! from records alone.
 
 mod anchors;
 mod axes;

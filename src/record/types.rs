@@ -349,14 +349,14 @@ impl Record {
         Traversal::all().into_iter().find(|traversal| traversal.name() == name)
     }
 
-    /// Returns true if the point's strategy or baseline tests every ray against every triangle, so that the
-    /// number of tests per frame is known.
+    /// Returns true if the point's strategy or baseline tests every primary ray against every triangle, so that
+    /// the number of tests of a frame's primary rays is known.
     pub fn tests_every_triangle(&self) -> bool {
         self.is_baseline() || self.traversal().is_some_and(Traversal::tests_every_triangle)
     }
 
-    /// Returns true if rays traverse a tree in the point's strategy, each ray separately or the rays of a
-    /// tile together.
+    /// Returns true if rays traverse a tree in the point's strategy, each ray separately, or the rays of a
+    /// packet or a tile together.
     pub fn walks_tree(&self) -> bool {
         self.traversal().is_some_and(Traversal::walks_tree)
     }

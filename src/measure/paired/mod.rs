@@ -180,7 +180,8 @@ impl Standing {
         Relative { ratio: interval(self.point.median - earlier.point.median, error), common }
     }
 
-    /// Returns the mean of points that were measured together; `None` if `points` is empty.
+    /// Returns the geometric mean of the times of points that were measured together; `None` if `points` is
+    /// empty.
     pub fn mean(points: &[&Self]) -> Option<Self> {
         let first = *points.first()?;
         let mean =
