@@ -45,9 +45,8 @@ impl<'a> Traffic<'a> {
     /// Returns the bytes that each ray-triangle test of a record's strategy reads. These numbers come from
     /// the headers of the kernel files that implement the strategy's values. Returns `None` for baselines,
     /// and if this version of raycl does not know one of the strategy's values. Also returns `None` for
-    /// strategies that do not test every ray against every triangle. For strategies that do not test every
-    /// ray against every triangle, the number of tests is unknown, so the bytes per test would not yield the
-    /// bytes of a frame.
+    /// strategies that do not test every primary ray against every triangle: their number of tests is unknown, so
+    /// the bytes per test would not yield the bytes of a frame.
     pub fn by_headers(record: &Record) -> Option<Self> {
         if record.is_baseline() || !record.tests_every_triangle() {
             return None;

@@ -233,8 +233,8 @@ mod tests {
         assert_eq!(rows[2][3..], ["-", "-"]);
     }
 
-    /// At the local size 4 x 4, the point is slow in one of three launches. Its median is the least, but it takes longer
-    /// on average.
+    /// At the local size 4 x 4, the point is slow in one of three launches. Its median is the least, but it takes
+    /// longer on average.
     #[test]
     fn no_point_of_a_shape_is_below_the_fastest_point() {
         let at = |side: u32, ms: [f64; 3]| {

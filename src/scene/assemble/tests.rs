@@ -904,10 +904,10 @@ fn a_bare_mesh_that_is_too_small_is_noted_with_the_key_that_enlarges_it() {
         "AAAAAAAAAAAAAAAA3CQ0KAAAAAAAAAAAAAAAANwkNCgAAAAA",
     ];
     std::fs::write(&path, SEEN.replace(legs[0], legs[1])).unwrap();
-    let notes = |settings: &[Setting]| load_scene_with(&path, settings).unwrap().notes;
+    let notes = |settings: &[(String, Value)]| load_scene_with(&path, settings).unwrap().notes;
     let advice = "give the mesh (`object.0`) a larger `scale`";
     assert!(notes(&[]).iter().any(|note| note.ends_with(advice)), "{:?}", notes(&[]));
-    let enlarged = notes(&[Setting::new("object.0.scale", Value::Float(1e14))]);
+    let enlarged = notes(&[("object.0.scale".to_owned(), Value::Float(1e14))]);
     assert!(!enlarged.iter().any(|note| note.ends_with(advice)), "{enlarged:?}");
 }
 
