@@ -207,7 +207,8 @@ fn repeated_variables(keeps_moved_samples: bool) -> Vec<String> {
 }
 
 /// Returns the name of an attempt, such as "shard-00003.node7.4711.r00". Each character of the machine and of the job
-/// that is neither an ASCII letter nor a digit becomes `-`. Sorting the names sorts the shards.
+/// that is neither an ASCII letter nor a digit becomes `-`. Sorting the names sorts the shards by their numbers, up to
+/// shard 99999.
 fn name(about: &About) -> String {
     let plain = |text: &str| {
         text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect::<String>()

@@ -58,9 +58,9 @@ impl Kind {
         write_new(path, &text).map(|_| ())
     }
 
-    /// Returns all kinds of device in a folder: first the kinds of host, then the other kinds, both sorted by
-    /// file name. If several kinds of device have points with equal keys, only the first of these kinds is
-    /// returned.
+    /// Returns all kinds of device in a folder: first the kinds of host, then the other kinds, both sorted by file
+    /// name. If the points of several kinds of device have the same keys in the same order, only the first of these
+    /// kinds is returned.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let mut files = existing::entries(&out.join(FOLDER))?;
         files.retain(|path| path.extension().is_some_and(|ending| ending == "jsonl"));
@@ -75,8 +75,8 @@ impl Kind {
         let read: Result<Vec<_>> = files.iter().map(lines).collect();
         let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
         kinds.sort_by_key(|kind| kind.device != crate::record::HOST);
-        // Two kinds of device have points with equal keys if the kinds differ only in the build of raycl or
-        // in the device's name on its machine.
+        // The points of two kinds of device have the same keys if the kinds differ only in the build of raycl or in the
+        // device's name on its machine.
         let mut seen = HashSet::new();
         kinds.retain(|kind| seen.insert(kind.keys()));
         Ok(kinds)

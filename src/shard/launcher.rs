@@ -11,7 +11,7 @@ type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 /// The numbers that a launcher assigned to this process.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Assignment {
-    /// The names of the launcher and of its environment variables, for messages.
+    /// The name of the launcher, and the environment variable with the process's number, for messages.
     launcher: &'static str,
     /// The process's number, from 0. If `number` is not `None`, raycl uses `number` instead of `rank`.
     rank: u32,
@@ -93,9 +93,10 @@ const OUTER: [Ranks; 3] = [
 /// launcher decide which shard is returned. The order of precedence is: the innermost launcher that started several
 /// processes, a Slurm array, a launcher of whole jobs (`OUTER`), a launcher that started a single process. The number
 /// of shards is `of` or, if `of` is `None`, the launcher's count. Returns an error in several cases: if no launcher
-/// sets a number, if a number or the number of shards cannot be found, if the two numbers contradict each other, or if
-/// both a Slurm array of several elements and an inner launcher of several processes set numbers. A batch script of
-/// several tasks that starts raycl without `srun` is an error too, unless an inner launcher sets a number.
+/// sets a number, if a variable has a value that is not allowed, if the number of shards is unknown or contradicts the
+/// launcher's numbers, or if both a Slurm array of several elements and an inner launcher of several processes set
+/// numbers. A batch script of several tasks that starts raycl without `srun` is an error too, unless an inner launcher
+/// started several processes.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner = INNER
         .iter()

@@ -31,8 +31,9 @@ pub struct Missing {
 /// The missing points, or the failed points, of a kind of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MissingKind {
-    /// The name of the kind of device, with the differences from other kinds of the same name. If no shard
-    /// has begun on this kind of device, the text is the word that selects the kind.
+    /// The name of the kind of device, with the differences from other kinds of the same name. If no shard has begun on
+    /// this kind of device, the text is the word that selects the kind. Missing casters on the host have the text
+    /// `host`, since any kind of host may measure them.
     pub device: String,
     /// The points of this kind of device that have no record, or that failed, in a readable form.
     pub points: Vec<String>,
@@ -45,7 +46,7 @@ pub struct MissingKind {
 }
 
 impl Missing {
-    /// Returns true if no point is missing on any selected kind of device.
+    /// Returns true if a shard has begun, and no point is missing on any selected kind of device.
     pub fn is_empty(&self) -> bool {
         self.kinds.is_empty() && !self.nothing_began
     }

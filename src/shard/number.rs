@@ -82,7 +82,8 @@ impl FromStr for Asked {
             ("auto", of) => Ok(Self::Auto(of)),
             (number, Some(of)) => {
                 let number = number.parse().map_err(|_| wrong())?;
-                // Clap (the library that parses the arguments) prints only the message, so it contains the remedy.
+                // Clap (the library that parses the arguments) prints only the message, so the message contains the
+                // remedy.
                 let with_remedy = |error: Error| format!("{error}; {}", error.remedy());
                 Shard::new(number, of).map(Self::Given).map_err(with_remedy)
             }

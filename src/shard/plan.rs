@@ -54,8 +54,8 @@ pub struct ShardPlan {
 }
 
 impl ShardPlan {
-    /// Reads the plan of a folder. If the folder has no plan, writes the plan that `make` returns. Returns an
-    /// error if the folder has a plan with a different header.
+    /// Reads the plan of a folder. If the folder has no plan, writes the plan that `make` returns. Returns an error if
+    /// the header of the folder's plan differs in a field that must be equal for all shards.
     pub fn open(out: &Path, header: &Header, make: impl FnOnce() -> Result<Self>) -> Result<Self> {
         if let Some(plan) = Self::read(out)? {
             return plan.checked(header, out);

@@ -29,8 +29,8 @@ pub struct Beat {
     /// when the attempt has waited for another process (a process that uses the device, or that measures the
     /// device's peak rates for the attempt).
     pub quiet: u64,
-    /// The number of steps so far: builds, checks and casts that have begun, and launches (of worker processes) and
-    /// points that have finished.
+    /// The number of steps so far: builds, checks, casts and some waits that have begun, and launches (of worker
+    /// processes) and points that have finished.
     pub steps: u64,
 }
 

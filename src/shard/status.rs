@@ -34,8 +34,8 @@ pub struct Status {
     pub name: String,
     /// The attempt's state.
     pub state: State,
-    /// The contents of the attempt's counter, as the second of two readings found them. All three numbers in
-    /// the counter are 0 if the attempt has not written a counter yet.
+    /// The contents of the attempt's counter by the second of two readings or, if the second reading found no counter,
+    /// by the first. All three numbers in the counter are 0 if the attempt has not written a counter yet.
     pub beat: Beat,
 }
 

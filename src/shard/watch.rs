@@ -1,7 +1,7 @@
-//! Checks whether the launcher of this process is still alive. A scheduler that has lost a job step does not
-//! look for the step's processes again. If processes did not check their launcher, a process of a lost job
-//! step would go on measuring the same points as the process that replaces it. A merge uses only one record
-//! of each point.
+//! Checks whether the launcher of this process is still alive. A scheduler that has lost a job step does not look for
+//! the step's processes again. If processes did not check their launcher, a process of a lost job step would go on
+//! measuring the same points as the process that replaces it. The measurements of one of the two processes would then
+//! be useless, since a merge uses only one record of each point.
 
 use super::{Asked, Attempt, End};
 use crate::error::{Error, Result};
@@ -31,13 +31,14 @@ const LAUNCHERS: [&str; 12] = [
 /// interactive shell, and a script may end before the processes that it started.
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
-/// Checks in a thread, for as long as the process runs, whether the launcher is alive. If the launcher is
-/// lost, the thread records the loss in the attempt's folder and ends the process with exit code 1. The
-/// workers end with the process, and the points that are being measured get no record. No launcher is checked
-/// in two cases. In the first case, no ancestor of this process is a known launcher, the parent is a shell,
-/// and the user gave the shard's number. In the second case, the parent is process 1, the first process of a
-/// container or of the system. No check is needed then, since all other processes end with process 1. On
-/// systems other than Linux, no launcher is ever checked.
+/// Checks in a thread, for as long as the process runs, whether the launcher is alive, and every process between the
+/// launcher and this process. If no ancestor of this process is a known launcher, the thread checks only the parent. If
+/// one of the checked processes has ended, the thread records the loss of the launcher in the attempt's folder and ends
+/// this process with exit code 1. The workers end with the process, and the points that are being measured get no
+/// record. No process is checked in two cases. In the first case, no ancestor of this process is a known launcher, the
+/// parent is a shell, and the user gave the shard's number. In the second case, the parent is process 1, the first
+/// process of a container or of the system. No check is needed then, since all other processes end with process 1. On
+/// systems other than Linux, no process is ever checked.
 ///
 /// # Errors
 ///

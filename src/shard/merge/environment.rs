@@ -8,8 +8,8 @@ use crate::shard::Attempt;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Writes `environment.json`: the environment of the first attempt whose environment can be read, with a list of the
-/// machines of all such attempts. Writes nothing if there is no such attempt.
+/// Writes `environment.json`: the environment of the first attempt that has a valid `environment.json`, with a list of
+/// the machines of all such attempts. Writes nothing if there is no such attempt.
 pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let mut hosts: Vec<Value> = Vec::new();
     let mut first: Option<Value> = None;
