@@ -168,7 +168,8 @@ impl Document {
     }
 
     /// Returns the remedy for the value at `span` if `message` says that this value must be a list, or a table instead
-    /// of a list; `None` for another message, or if the list's key is not in the same line.
+    /// of a list; `None` for another message, if the list's key is not in the same line, or if raycl knows no list with
+    /// this key.
     fn list_instead(&self, span: &Range<usize>, message: &str) -> Option<String> {
         let (_, text, start) = self.part(span);
         let at = span.start - start;

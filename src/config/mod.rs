@@ -35,12 +35,12 @@ pub fn schema() -> serde_json::Value {
 
 /// Reads the experiment at `path`, with `overrides` (dotted key, value) merged into it.
 ///
-/// An override's value that is valid TOML is read as TOML, any other value as a string. An array in the file
-/// is replaced by the override's array, and a table is merged with the override's table. A key may contain
-/// the index of an element of an array: `strategy.0.width`. Paths of scenes are relative to the folder of the
-/// file. Any mistake is returned as an input error (a mistake of the user), which contains a remedy. The
-/// error names the file and, unless the file is empty, the mistake's line. For a mistake in an override, the
-/// error names `--set` and quotes the override instead.
+/// An override's value that is valid TOML is read as TOML, any other value as a string. An array in the file is
+/// replaced by the override's array, and a table is merged with the override's table. A key may contain the index of an
+/// element of an array: `strategy.0.width`. Paths of scenes are relative to the folder of the file. Any mistake in the
+/// file or in an override is returned as an input error (a mistake of the user), which contains a remedy. The error
+/// names the file and, unless the file is empty, the mistake's line. For a mistake in an override, the error names
+/// `--set` and quotes the override instead.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let unreadable = |error| {
         let otherwise = "name an experiment file (.toml), such as configs/quick.toml in raycl's repository; \

@@ -1,5 +1,5 @@
-//! JSON schemas of the values that the module `wire` deserialises with code of its own instead of derived code (sizes
-//! and strategies), and of the names of presets and baselines.
+//! JSON schemas of the values that the module `wire` deserialises with code of its own instead of derived code (sizes,
+//! numbers of samples and strategies), of the names of presets and baselines, and of values of any type.
 
 use std::borrow::Cow;
 use std::ops::RangeInclusive;

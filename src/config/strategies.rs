@@ -157,7 +157,7 @@ fn product(
 }
 
 /// Returns one variant of the preset for every combination of a variant in `variants` and a value of `axis`. Returns an
-/// error if `choices` has no value, if it lists a value twice, or if the axis does not have a value.
+/// error if `choices` is an empty list, lists a value twice, or contains a value that the axis does not have.
 fn vary(
     document: &Document,
     axis: &str,

@@ -59,8 +59,9 @@ impl Experiment {
         self.strategies.iter().filter(is_wanted)
     }
 
-    /// Returns a note for each strategy that is measured under another name, at some local sizes or at all of
-    /// them, because an earlier strategy has the same value on every axis (see [`Self::names_of`]).
+    /// Returns notes on the strategies that are measured under the names of earlier strategies, at some local sizes or
+    /// at all of them, because the earlier strategies have the same value on every axis (see [`Self::names_of`]). A
+    /// strategy has one note for each of these names.
     pub fn notes_on_equal_strategies(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for (index, copy) in self.strategies.iter().enumerate() {
@@ -325,8 +326,9 @@ impl fmt::Display for Emulate {
 /// How often and how long each point is measured: limits on samples and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// Number of frames that each point casts in a launch before the point's first sample. A point casts
-    /// fewer frames if the warm-up frames would take over a tenth of the time limit.
+    /// Number of frames that each point casts in a launch before the point's first sample. A point casts fewer frames
+    /// if the warm-up frames would take over a tenth of the time limit. Even if the number is 0, a point casts one
+    /// frame if a step of the device's timer is longer than 1 ns.
     pub warmup: u32,
     /// Number of launches: measurements of a group, each by new worker processes. The group's samples are
     /// divided among the launches. With one launch, results are only preliminary.

@@ -116,6 +116,7 @@ pub struct Emulate {
 pub struct Timing {
     /// Number of frames that each point casts in a launch before the point's first sample [default: 2]. A
     /// point casts fewer frames before its first sample if these frames take over a tenth of `time_limit_ms`.
+    /// Even with `warmup = 0`, a point casts one frame if a step of the device's timer is longer than 1 ns.
     #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
     /// Number of launches [default: 4]. In each launch, new worker processes measure the points. A point's
