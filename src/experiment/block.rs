@@ -47,8 +47,8 @@ pub fn contain_each_once(blocks: &[Block], points: usize) -> bool {
 pub struct Cost {
     /// The point's index in the plan.
     pub point: usize,
-    /// The point's expected time in milliseconds, on all devices that measure the point together, without the
-    /// start of workers. Only the ratios of times affect how the points are divided into blocks.
+    /// The point's expected time in milliseconds, summed over all devices that measure the point, without the start of
+    /// workers. Only the ratios of times affect how the points are divided into blocks.
     pub ms: f64,
     /// The expected time in milliseconds to start the workers that measure the point. The points of a block
     /// have the same workers, so a block takes this time once, and not once for each of its points.

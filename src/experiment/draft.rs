@@ -28,7 +28,8 @@ pub struct Drafter<'a> {
 pub struct Hashed {
     /// The scene as loaded from its file.
     pub scene: Arc<Scene>,
-    /// Notes on what raycl ignored in the scene's file or replaced by defaults.
+    /// Notes on what raycl ignored in the scene's file or replaced by defaults, and on other scenes of the config with
+    /// the same content.
     pub notes: Vec<String>,
     /// The scene's hash ([`SceneChoice::hash`]).
     pub hash: String,

@@ -22,15 +22,16 @@ pub struct Forecast {
     pub refused: Option<String>,
     /// Why the point is not measured, if its preset is meant for another kind of device; otherwise `None`.
     pub not_for: Option<String>,
-    /// Notes on what raycl ignored in the scene's file or replaced by defaults.
+    /// Notes on what raycl ignored in the scene's file or replaced by defaults, and on other scenes of the config with
+    /// the same content.
     pub scene_notes: Vec<String>,
-    /// True if the point already has a record, so that a resumed run does not measure it again.
+    /// True if the point has a record because of which a resumed run does not measure the point again.
     pub done: bool,
 }
 
-/// Returns a forecast for every point that a run of the experiment would measure. If two folders of kernels
-/// are compared, a point that uses kernels has a forecast for each folder. `past` contains the run's results
-/// so far.
+/// Returns a forecast for every point of the experiment's plan, even if a run would not measure the point (see
+/// [`Forecast`]). If two folders of kernels are compared, a point that uses kernels has a forecast for each folder.
+/// `past` contains the run's results so far.
 pub fn dry_run(run: &Run<'_>, past: &Past) -> Result<Vec<Forecast>> {
     let available = Available::read();
     let (plan, kernels) = (run.plan(), run.kernels()?);

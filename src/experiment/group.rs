@@ -117,10 +117,10 @@ impl OpenGroup {
     }
 
     /// Measures one launch of the group: checks the points, and times those that pass. Before this launch, the first
-    /// visit takes over the complete launches of earlier sessions. If the group then has enough launches, no launch is
-    /// measured. If it has enough launches at the end of the visit, the records of its points are stored. If a worker
-    /// process is lost, new worker processes repeat the whole launch. While points are timed, no other raycl process
-    /// measures on the points' devices.
+    /// visit takes over the complete launches of earlier sessions. If the group then has enough launches, its points
+    /// are checked, but not timed. If it has enough launches at the end of the visit, the records of its points are
+    /// stored. If a worker process is lost, new worker processes repeat the whole launch. While points are timed, no
+    /// other raycl process measures on the points' devices.
     pub fn visit(
         &mut self,
         run: &Run<'_>,
@@ -178,9 +178,10 @@ impl OpenGroup {
         sink.measured_on(launch).or(named).is_none_or(|there| own.all(|device| there.may_be(device)))
     }
 
-    /// Takes over the complete launches of earlier sessions. Incomplete launches are dropped, since the same
-    /// worker processes must measure a whole launch, and the processes of the earlier session have ended. If
-    /// another device of the same model measured a launch in an earlier session, this launch is dropped too.
+    /// Takes over the complete launches of earlier sessions, until the group has enough launches. Incomplete launches
+    /// are dropped, since the same worker processes must measure a whole launch, and the processes of the earlier
+    /// session have ended. If another device of the same model measured a launch in an earlier session, this launch is
+    /// dropped too.
     fn adopt(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) {
         let (past, launches) = self.past(run, sink);
         for (launch, reason) in launches {

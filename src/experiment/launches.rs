@@ -1,6 +1,6 @@
-//! The order in which a run measures the launches of its groups of points. A *visit* of a group of points
-//! measures one launch of the group. No worker process measures two launches of a group. A group is visited
-//! again only after every group has been visited equally often. The first visits follow the plan's order; the
+//! The order in which a run measures the launches of its groups of points. A *visit* of a group of points measures one
+//! launch of the group. No worker process measures two launches of a group. Of the unfinished groups that may be
+//! measured on a device, one with the fewest visits is visited next. The first visits follow the plan's order; the
 //! order of later visits is random.
 
 use super::Run;

@@ -61,7 +61,7 @@ impl Pictures {
             let bytes = std::fs::read(self.folder.join(path)).ok()?;
             picture_reader(&bytes, None).ok()?.decode().ok()
         };
-        // A name is free if its file is missing or cannot be read.
+        // A name is free if its file is missing, cannot be read, or has the same picture.
         let free = |path: &String| read(path).is_none_or(|there| there.to_rgba8() == *shown);
         names.iter().map(|name| path_of(name)).find(free).unwrap_or_else(|| path_of(&by_hash))
     }

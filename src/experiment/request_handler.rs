@@ -32,8 +32,8 @@ pub struct RequestHandler<'a> {
     checker: Checker<'a>,
     /// The loaded scene: that of the point which was last built, checked or cast.
     scene: HeldScene,
-    /// A point of the group that is being measured; the point identifies the group. `entries` contains those
-    /// points of the group that passed their check.
+    /// A point with the scene and the image size of all points in `entries`; `None` before the first build or check.
+    /// `entries` contains the points that passed their check.
     group: Option<Point>,
     entries: HashMap<usize, Entry>,
     /// The device's anchor (a fixed kernel that is timed in turn with points); `None` until the run first
@@ -236,10 +236,9 @@ impl Warmed {
     }
 }
 
-/// Casts up to `frames` frames that are not recorded, and returns their shortest times. If frames are long,
-/// the warm-up ends after a tenth of the time limit. A short warm-up is enough, since the check has already
-/// cast one frame. If a frame fails, the warm-up ends. The first sample after a failed warm-up fails too, and
-/// reports the failure.
+/// Casts up to `frames` frames that are not recorded, and returns their shortest times. If frames are long, the warm-up
+/// ends after a tenth of the time limit. A short warm-up is enough, since the check has already cast one frame. If a
+/// frame fails, the warm-up ends. The first sample after a failed warm-up usually fails too, and reports the failure.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, Refused>,
     frames: u32,

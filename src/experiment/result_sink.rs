@@ -19,9 +19,9 @@ pub trait ResultSink {
     fn waits(&mut self) {}
     /// Stores a complete record.
     fn keep(&mut self, record: Record) -> Result<()>;
-    /// Stores a sample of a point; `record` is the point's record so far. If points are distributed over
-    /// several devices of the same model, `measured_by` is the UUID or the PCI address of the point's device;
-    /// `None` if both are unknown.
+    /// Stores a sample of a point; `record` is the point's record so far. If points are distributed over several
+    /// devices of the same model, `measured_by` is the UUID or the PCI address of the point's device; otherwise, and if
+    /// both are unknown, `measured_by` is `None`.
     fn sample(&mut self, record: &Record, round: u32, measured_by: Option<&str>, taken: &Taken)
     -> Result<()>;
     /// Stores how a launch ended, if the points got enough samples in the launch.
@@ -56,8 +56,8 @@ pub struct FolderSink<'a> {
     pub results: &'a mut Results,
     /// The observer, to which messages about the run's progress are passed on.
     pub observer: &'a mut dyn Observer,
-    /// The names of the scenes in messages to the observer, by the hashes of the scenes' contents. Any two
-    /// names in `names` differ, whereas the records of two scenes may contain the same name.
+    /// The names of the scenes in messages to the observer, by the hashes of the scenes' contents. Two scenes have
+    /// different names in `names`, whereas the records of two scenes may contain the same name.
     pub names: HashMap<String, String>,
     /// Number of points of the experiment that are finished, including those that earlier sessions finished.
     pub done: usize,

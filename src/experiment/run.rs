@@ -29,8 +29,8 @@ pub struct Run<'a> {
     /// If two folders of kernels are compared: the kernel files that are measured in the same rounds as those
     /// of `sources`.
     pub other_sources: Option<&'a Sources>,
-    /// The time limit for one step. A step opens a worker's device, builds a point's program and casts its first image,
-    /// or casts one frame.
+    /// The time limit for one step. A step opens a worker's device, builds a point's program and casts the point's
+    /// first image, or takes one sample. The step of a point's first sample includes the warm-up.
     pub limit: Duration,
     /// True if failed points of an earlier run are measured again.
     pub retry_failed: bool,

@@ -75,8 +75,8 @@ pub struct Supervisor<'a> {
     deaths: HashMap<(usize, usize), u32>,
     given_up: usize,
     losses: usize,
-    /// The jobs and the scenes of workers that died. A worker that replaces a dead worker compiles its
-    /// programs again.
+    /// The jobs and the scenes of dead workers whose point is tried again. A worker that replaces such a worker
+    /// compiles its programs again.
     afresh: HashSet<(usize, usize)>,
     /// The numbers of the jobs on whose devices the anchor (a fixed kernel) failed. A job is the task of one
     /// device's workers. After a job's anchor has failed, the anchor is not run again for this job.
@@ -113,11 +113,11 @@ impl<'a> Supervisor<'a> {
         dismiss(workers);
     }
 
-    /// Prepares the workers for a group's visit number `visit` in this session; a visit measures one launch of
-    /// the group. A group is visited again only after all groups have been visited equally often. Therefore, the
-    /// workers of an earlier group are kept if the earlier group had the same number of visits: these workers have
-    /// measured no launch of this group yet. If the number has changed, all workers end, so that no worker measures two
-    /// launches of a group.
+    /// Prepares the workers for a group's visit number `visit` in this session; a visit measures one launch of the
+    /// group. Of the unfinished groups, one with the fewest visits is always visited next, so the numbers of visits
+    /// never decrease. Therefore, the workers of an earlier group are kept if the earlier group had the same number of
+    /// visits: these workers have measured no launch of this group yet. If the number has changed, all workers end, so
+    /// that no worker measures two launches of a group.
     pub fn turn_to<'t>(&mut self, visit: u32, tasks: impl Iterator<Item = Task<'t>>) {
         if self.visit != visit {
             self.retire();
@@ -205,11 +205,11 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Runs the anchor of the device on which a point was cast, and returns its times. Returns `None` if the
-    /// point has no worker. Also returns `None` if the anchor has already failed on the
-    /// device, since a failed anchor is not run again. If the anchor fails now, returns the reason and drops the worker, but
-    /// the run continues. The worker is dropped because the context of a GPU may be unusable after a fault;
-    /// every later point of this worker would then fail too.
+    /// Runs the anchor of the device on which a point was cast, and returns its times. Returns `None` if the point has
+    /// no worker. Also returns `None` if the anchor has already failed on the device, since a failed anchor is not run
+    /// again. If the anchor fails now, returns the reason and drops the worker, but the run continues. The worker is
+    /// dropped because the context of a GPU may be unusable after a fault; every later point of this worker would then
+    /// fail too.
     pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<Result<FrameTimes>>> {
         if self.without_anchor.contains(&task.job) || !self.posts.contains_key(&task.post()) {
             return Ok(None);

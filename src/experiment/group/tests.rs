@@ -121,8 +121,8 @@ impl ResultSink for Noting {
     }
 }
 
-/// Starts workers, one of which dies at the frame `DEADLY`, and counts the workers and the frames that all
-/// workers cast.
+/// Starts workers, one of which dies at the frame `DEADLY`, and counts the workers and the frames that all workers cast
+/// (including those of the anchor).
 #[derive(Default)]
 struct Mortals {
     started: Rc<Cell<usize>>,
