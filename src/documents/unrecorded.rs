@@ -30,9 +30,9 @@ impl Fences {
 const UNITS: [&str; 12] =
     ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
 
-/// Returns a line's words that contain digits, except code (spans and fenced blocks), targets of links, names and words
-/// of facts. Updates `fences` for the next line. If one fact contains another, the longer fact must come first in
-/// `facts`.
+/// Returns a line's words that contain digits, except code (spans and fenced blocks), targets of links, names, words of
+/// facts, and the number of an item in a numbered list. Updates `fences` for the next line. If one fact contains
+/// another, the longer fact must come first in `facts`.
 pub fn unrecorded(line: &str, facts: &[String], fences: &mut Fences) -> Vec<String> {
     if line.trim_start().starts_with("```") {
         fences.within = !fences.within;

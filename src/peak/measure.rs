@@ -39,7 +39,7 @@ const ENTRIES: u64 = 61;
 /// Number of kernel launches in a batch.
 const BATCH: u32 = 500;
 
-/// Measures all peak rates of a device, in about a second on a GPU.
+/// Measures all peak rates of a device, in a few seconds on a GPU.
 pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
     let rig = Rig::open(device, sources)?;
     let [launch_device_us, launch_host_us, launch_batched_us] = launch(&rig)?;
@@ -128,7 +128,8 @@ fn multiplied(items: usize, width: u64, seconds: &[f64]) -> Result<Figure> {
 ///
 /// # Errors
 ///
-/// Fails if a buffer of one mebibyte exceeds the device's limit, or the memory that the host has left.
+/// Fails if a buffer of one mebibyte exceeds the device's limit. Also fails if the device shares the host's memory, and
+/// fewer than `HOST_FRACTION` mebibytes of this memory are available.
 fn large_bytes(rig: &Rig<'_>) -> Result<usize> {
     let host = rig.queue.shares_memory.then(Available::read);
     fitting_bytes(&rig.device.info.limits, host.as_ref())

@@ -15,8 +15,8 @@ use std::sync::Arc;
 /// A sample has as many frames as it needs to take this time, in milliseconds, but at most `MOST_FRAMES`. On
 /// a GPU, a disturbance can last longer than a single frame.
 const SAMPLE_MS: f64 = 10.0;
-/// The largest number of triangles for which exhaustive casting is timed. For larger scenes,
-/// exhaustive casting would take minutes, and no rule would choose it.
+/// The largest number of triangles for which exhaustive casting is timed. With more triangles, a sweep assumes that
+/// another candidate is faster. (With millions of triangles, exhaustive casting would take minutes.)
 const MOST_TESTED: usize = 2000;
 /// Largest number of frames in a sample, even if the sample then takes less time than `SAMPLE_MS`.
 const MOST_FRAMES: f64 = 200.0;
@@ -62,8 +62,8 @@ pub struct Measured {
 pub struct Verdict {
     /// The candidate strategy that the rule chooses.
     pub choice: Candidate,
-    /// The time of the chosen strategy in milliseconds; `None` if the chosen strategy was not measured, since
-    /// the device or the host refused it.
+    /// The time of the chosen strategy in milliseconds; `None` if the chosen strategy has no time (see
+    /// [`Measured::least_ms`]).
     pub choice_ms: Option<f64>,
     /// The fastest candidate, and its time in milliseconds.
     pub best: (String, f64),
