@@ -1,7 +1,7 @@
 //! Builds OpenCL programs in advance, before the points of an experiment that use these programs are checked. A
-//! *builder* is a group of child processes that compile programs, one program at a time. A thread of the run gives them
-//! their work. There are several builders, since a driver compiles only one program at a time in each process. Each
-//! program is built once, even if many points of the experiment use the program.
+//! *builder* is a group of child processes that compile programs, one program at a time. A thread of the run gives
+//! these processes their work. There are several builders, since a driver compiles only one program at a time in each
+//! process. Each program is built once, even if many points of the experiment use the program.
 
 mod builder;
 mod room;

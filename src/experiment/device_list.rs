@@ -20,8 +20,8 @@ use std::time::Duration;
 /// The time limit for listing the devices, which is far longer than drivers need.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Returns all devices, as listed by a child process. If the child process sends no valid answer, a second
-/// child process is started, since something else than a driver may have ended the first.
+/// Returns all devices, as listed by a child process. If the child process sends no valid answer, a second child
+/// process is started, since something other than a driver may have ended the first.
 pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<Listed>> {
     let answer = match ask(cl_dir)? {
         Ok(answer) => answer,

@@ -7,7 +7,8 @@ pub struct KeyParts<'a> {
     /// The scene's hash ([`SceneChoice::hash`](crate::config::SceneChoice::hash)), which depends on the
     /// number of samples per pixel if that number is above 1.
     pub scene_hash: &'a str,
-    /// The platform, its version, the device and the driver. For a baseline: the word "host" and the processor's model.
+    /// The platform, its version, the device and the driver; for the second and each later device of the same name,
+    /// also the device's number. For a baseline: the word "host" and the processor's model.
     pub device: &'a str,
     /// The number of compute units, the numbers of usable cores and of threads if they are known, and the
     /// environment variables of the driver. For a baseline, the text contains only the numbers of usable

@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 pub(super) const FOLDER: &str = "kinds";
 
 /// A kind of device: all devices that have the same platform, name and driver, and are equal in every other property
-/// that affects times. The host's processors are a kind of device too.
+/// that affects times. If raycl finds several such devices on one machine, the second and each later one is a kind of
+/// its own. The host's processors are a kind of device too.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Kind {
     /// The name that records give to devices of this kind.

@@ -34,10 +34,10 @@ struct Ranks {
     only_with: Option<&'static str>,
 }
 
-/// Launchers that number the processes of one job, the innermost first: each launcher comes before the
-/// launchers that may have started it. MPI, for example, may run in a step of Slurm. A batch script of Slurm
-/// has the variable `SLURM_PROCID`, too, but in a batch script, its value is not the number of a task. raycl
-/// therefore reads this variable only if `SLURM_STEP_ID` is set: only a step of Slurm has this variable.
+/// Launchers that number the processes of one job, the innermost first: each launcher comes before the launchers that
+/// may have started it. MPI, for example, may run in a step of Slurm. A batch script of Slurm has the variable
+/// `SLURM_PROCID`, too, but in a batch script, its value is not the number of a task. raycl therefore reads this
+/// variable only if `SLURM_STEP_ID` is set, since only a step of Slurm sets `SLURM_STEP_ID`.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",

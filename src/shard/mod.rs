@@ -2,13 +2,12 @@
 //! processes. This module splits the plan among the processes, lets each process write to its own folder, and merges
 //! the results.
 //!
-//! `number` and `launcher` find out which shard a process measures. `plan` reads and writes the file that all
-//! shards share. For each kind of device, `kind` reads and writes the list of points that are measured on it.
-//! `attempt` makes the folder of one process. With `pulse`, other processes can see that an attempt's process
-//! is alive. `watch` checks that the launcher (the program, such as `mpirun`, that started an attempt's
-//! process) is alive. `merge` merges attempts into one folder of results. `missing` finds the points that
-//! still have to be measured, and makes the commands that measure these points. `status` finds the state of
-//! each attempt. `sbatch` makes scripts for Slurm.
+//! `number` and `launcher` find out which shard a process measures. `plan` reads and writes the file that all shards
+//! share. For each kind of device, `kind` reads and writes the list of points that are measured on this kind. `attempt`
+//! makes the folder of one process. With `pulse`, other processes can see that an attempt's process is alive. `watch`
+//! checks that the launcher (the program, such as `mpirun`, that started an attempt's process) is alive. `merge` merges
+//! attempts into one folder of results. `missing` finds the points that still have to be measured, and makes the
+//! commands that measure these points. `status` finds the state of each attempt. `sbatch` makes scripts for Slurm.
 
 mod attempt;
 mod kind;
