@@ -18,9 +18,9 @@ use crate::record::{
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// A folder of results. During a run, the folder has the plan, the journals (files to which a run appends
-/// lines, such as records), the pictures and the environment. At the end of the run, the summaries, the
-/// report and the plots are added. docs/format.md documents each file.
+/// A folder of results. During a run, the folder has the plan, the journals (files to which a run appends lines, such
+/// as records), the pictures and the environment. At the end of the run, the summaries, the report, the plots and the
+/// exports are added. docs/format.md documents each file.
 pub struct Results {
     folder: PathBuf,
     records: JsonLines<Record>,

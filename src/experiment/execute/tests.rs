@@ -38,8 +38,8 @@ struct Answering {
     passes_once: bool,
     /// True if workers refuse to cast any frame of a point that has passed its check.
     refuses: bool,
-    /// The hash in each request to a worker. If a worker's picture has the hash in the request, the picture
-    /// need not be compared with the reference again.
+    /// The hash in each request to check a point; `None` if the request has no hash. If a worker's picture has the hash
+    /// in the request, the picture need not be compared with the reference again.
     verified: Arc<Mutex<Vec<Option<String>>>>,
     /// The time limit of every wait for a worker.
     limits: Arc<Mutex<Vec<Duration>>>,
@@ -126,7 +126,7 @@ impl Worker for Answer {
     }
 }
 
-/// Every event of a run of which the run's observer is informed.
+/// The events of a run of which the run's observer is informed, without waits and lines to print.
 #[derive(Debug, Default, PartialEq)]
 struct Heard {
     begun: Vec<[usize; 2]>,

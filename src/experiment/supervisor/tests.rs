@@ -21,7 +21,7 @@ struct Noting {
     dismissed: Rc<Cell<usize>>,
     /// What workers return instead of the usual replies, from the next request on.
     instead: Rc<RefCell<VecDeque<Wait>>>,
-    /// A flag that interrupts the run, if there is one; the next request sets this flag.
+    /// A flag that interrupts the run, if there is one; each request sets this flag.
     interrupts: Option<Rc<AtomicBool>>,
     /// What the next worker sends instead of `Reply::Started`.
     at_start: Option<Wait>,

@@ -59,12 +59,12 @@ pub struct Merged {
 /// A record, and the index of the attempt that measured it.
 type Measured = (usize, Record);
 
-/// Merges the attempts of a folder, and writes all files except the summary and the report. `meant` contains words that
-/// select kinds of device. Each word is `all`, a type of device (`cpu`, `gpu`, `accelerator`) or a part of a kind's
-/// description. A word that consists only of digits matches a whole number in the description, but not a part of a
-/// longer number. Without words, the results of all kinds of device that took part are merged. The results of
-/// baselines, which run on the host, are always merged. If kinds of device took part, but no word selects one of them,
-/// returns an error and writes nothing.
+/// Merges the attempts of a folder, and writes all files except the summaries, the report, and the report's plots and
+/// exports. `meant` contains words that select kinds of device. Each word is `all`, a type of device (`cpu`, `gpu`,
+/// `accelerator`) or a part of a kind's description. A word that consists only of digits matches a whole number in the
+/// description, but not a part of a longer number. Without words, the results of all kinds of device that took part are
+/// merged. The results of baselines, which run on the host, are always merged. If kinds of device took part, but no
+/// word selects one of them, returns an error and writes nothing.
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
