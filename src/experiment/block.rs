@@ -148,11 +148,11 @@ fn control(group: &[Cost]) -> Option<&Cost> {
     fastest(|cost| cost.may_control).or_else(|| fastest(|cost| cost.ms > 0.0)).or(group.first())
 }
 
-/// Assigns blocks to shards, in descending order of the blocks' expected times. Each block goes to the shard
-/// whose blocks, until then, have the least expected time in all. Returns the expected time of the shard that
-/// takes longest. `alone_ms` returns the expected time of a point with the start of its workers: the expected
-/// times of the pieces of a group all include the control point and a start of workers, but a shard with
-/// several of these pieces starts workers and measures the control point only once (see [`joined`]).
+/// Assigns blocks to shards, in descending order of the blocks' expected times. Each block goes to the shard whose
+/// blocks, until then, have the least expected time in all. Returns the expected time of the shard that takes longest.
+/// `alone_ms` returns the expected time of a point with the start of its workers. The expected time of each piece of a
+/// group includes the control point and a start of workers. But a shard with several of these pieces starts workers and
+/// measures the control point only once (see [`joined`]), so this time is subtracted for every further piece.
 fn deal(blocks: &mut [Priced], shards: u32, alone_ms: impl Fn(usize) -> f64) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));

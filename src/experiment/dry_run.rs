@@ -18,7 +18,7 @@ pub struct Forecast {
     /// The bytes of memory that the point's strategy needs; `None` for a caster on the host.
     pub needs: Option<Requirements>,
     /// Why the point does not fit on the device or into the host's memory, or why its strategy or baseline cannot cast
-    /// the scene; `None` if the point can be measured.
+    /// the scene; `None` if no such reason is known.
     pub refused: Option<String>,
     /// Why the point is not measured, if its preset is meant for another kind of device; otherwise `None`.
     pub not_for: Option<String>,

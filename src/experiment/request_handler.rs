@@ -225,8 +225,8 @@ struct Warmed {
 
 impl Warmed {
     /// Returns the number of frames of a sample. `timer_ns` is a step of the device's timer. If a pass took 0 steps of
-    /// the timer, the number of frames is also limited by the host's clock: a sample then takes at most a tenth of the
-    /// time limit, or consists of one frame if a single frame takes longer.
+    /// the timer, the number of frames is also limited by the host's clock. A sample then takes at most a tenth of the
+    /// time limit. If a single frame takes longer, the sample consists of one frame.
     fn batch(&self, timer_ns: Option<u64>, time_limit_ms: f64) -> u32 {
         let batch = batch_size(self.pass_ms, timer_ns);
         if self.pass_ms > 0.0 {

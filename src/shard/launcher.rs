@@ -92,11 +92,11 @@ const OUTER: [Ranks; 3] = [
 /// Returns the shard that a launcher assigned to this process. If several launchers set numbers, the numbers of one
 /// launcher decide which shard is returned. The order of precedence is: the innermost launcher that started several
 /// processes, a Slurm array, a launcher of whole jobs (`OUTER`), a launcher that started a single process. The number
-/// of shards is `of` or, if `of` is `None`, the launcher's count. Returns an error in several cases: if no launcher
-/// sets a number, if a variable has a value that is not allowed, if the number of shards is unknown or contradicts the
-/// launcher's numbers, or if both a Slurm array of several elements and an inner launcher of several processes set
-/// numbers. A batch script of several tasks that starts raycl without `srun` is an error too, unless an inner launcher
-/// started several processes.
+/// of shards is `of` or, if `of` is `None`, the launcher's count. Returns an error if no launcher sets a number, if a
+/// variable has a value that is not allowed, or if the number of shards is unknown. It is an error, too, if the number
+/// of shards contradicts the launcher's numbers, or if both a Slurm array of several elements and an inner launcher of
+/// several processes set numbers. A batch script of several tasks that starts raycl without `srun` is also an error,
+/// unless an inner launcher started several processes.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner = INNER
         .iter()
