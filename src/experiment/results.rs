@@ -144,7 +144,8 @@ impl Results {
         &self.peak
     }
 
-    /// Returns true if the folder has the peak rates of each device, measured with the device's driver and in its state.
+    /// Returns true if the folder has the peak rates of each device, measured with the device's driver and in the
+    /// device's state.
     pub fn has_peak_of(&self, devices: &[&DeviceInfo]) -> bool {
         devices.iter().all(|&device| {
             let is_usable = |peak: &Peak| peak.device == device.label && !peak.are_outdated(&[device]);

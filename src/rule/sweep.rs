@@ -85,8 +85,8 @@ impl Measured {
         Some(Verdict { choice, choice_ms, best: (best.0.clone(), *best.1) })
     }
 
-    /// Measures every candidate on a case once in each round. Every second round measures the candidates in
-    /// reverse order. Candidates that the device or the host refuses have no time.
+    /// Measures every candidate that may be the fastest on a case once in each round. Every second round measures the
+    /// candidates in reverse order. Candidates that the device or the host refuses have no time.
     pub fn of(case: &Case, scene: Arc<Scene>, device: &Device, rounds: u32) -> Result<Self> {
         let task = case.task(&scene);
         let limits = &device.info.limits;

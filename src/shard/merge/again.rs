@@ -9,8 +9,8 @@ use crate::shard::{Attempt, End};
 use crate::words::few;
 use std::collections::BTreeMap;
 
-/// Returns a note that names the attempts at each shard with several attempts on the same devices; `None` if there is no
-/// such shard. Attempts that had nothing to measure are left out.
+/// Returns a note that names the attempts at each shard with several attempts on the same devices; `None` if there is
+/// no such shard. Attempts that had nothing to measure are left out.
 pub fn attempted_again(attempts: &[Attempt]) -> Result<Option<String>> {
     let mut of_shards: BTreeMap<(u32, Vec<String>), Vec<&Attempt>> = BTreeMap::new();
     for attempt in attempts {
