@@ -47,7 +47,8 @@ impl<const N: usize> Slicer<N> {
     /// the region belongs to the first or last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
-        // An axis has only one slice if the region's extent along this axis is zero or overflows.
+        // An axis has only one slice if the region's extent along this axis is zero, infinite or too small for
+        // the division.
         let usable = scale.cmpgt(Vec4::ZERO) & scale.cmplt(Vec4::INFINITY);
         Self { low: region.low, scale: Vec4::select(usable, scale, Vec4::ZERO) }
     }

@@ -107,9 +107,9 @@ fn order_by_cell(cells: &[u16], counts: &[usize]) -> Vec<u32> {
     order
 }
 
-/// Divides `order`, in which triangles are ordered by cell, into shares, one for each thread. A share has the
-/// triangles of neighbouring cells: at most `most` triangles, or those of a single cell. Returns, for each
-/// thread's share, the range of its cells, and the part of `order` that has the triangles of these cells.
+/// Divides `order`, in which triangles are ordered by cell, into shares. One thread writes a share. A share has
+/// the triangles of neighbouring cells: at most `most` triangles, or those of a single cell. Returns, for each
+/// share, the range of its cells, and the part of `order` that has the triangles of these cells.
 fn shares_of<'a>(
     mut order: &'a mut [u32],
     counts: &[usize],
@@ -129,9 +129,9 @@ fn shares_of<'a>(
     shares
 }
 
-/// Writes the numbers of all triangles in one thread's share of the cells to `part`, ordered by cell. The
-/// share begins with the cell `first`; `counts` has the number of triangles in each cell of the share, and
-/// `cells` the cell of each triangle.
+/// Writes the numbers of all triangles in one share of the cells to `part`, ordered by cell. The share begins
+/// with the cell `first`; `counts` has the number of triangles in each cell of the share, and `cells` the cell
+/// of each triangle.
 fn write_share(part: &mut [u32], first: usize, counts: &[usize], cells: &[u16]) {
     // For each cell, `next` has the index in `part` at which the cell's next triangle is written. At first,
     // `next` has the index at which the cell's triangles begin.
@@ -147,7 +147,8 @@ fn write_share(part: &mut [u32], first: usize, counts: &[usize], cells: &[u16]) 
     }
 }
 
-/// A regular grid of cells. The cells are nearly cubes, unless the grid is thinner than a cell.
+/// A regular grid of cells. The cells are nearly cubes. Along an axis on which the grid has only a few cells,
+/// the cells may be shorter than along the others.
 #[derive(Clone, Copy, Debug)]
 struct Grid {
     low: Vec4,
@@ -169,7 +170,7 @@ impl Grid {
         };
         let cells = |steps: [u32; 3]| steps.map(f64::from).iter().product::<f64>();
         // The search for the length of a cell's side starts with the shortest length that may be right. With
-        // this length, the grid has too many cells, unless the box is a line.
+        // this length, the grid has too many cells, unless the box is a point or almost a line.
         let mut side = extent.max_element() / most as f64;
         while cells(steps_of(side)) > most as f64 {
             side *= 1.02;

@@ -103,9 +103,9 @@ impl Bvh {
     /// Builds a tree over a mesh's triangles on all of rayon's threads.
     ///
     /// `leaf_size` is the largest number of triangles in a leaf. Triangles that no plane separates, such as
-    /// coincident ones, are divided into two halves with equal numbers of triangles. From depth 64 on, the
-    /// triangles of every node are divided into two such halves. The depth is therefore at most 64 plus the
-    /// binary logarithm of the number of triangles, rounded up. Positions must be finite, as a
+    /// coincident ones, are divided into two halves whose numbers of triangles differ by at most one. From
+    /// depth 64 on, the triangles of every node are divided into two such halves. The depth is therefore at
+    /// most 64 plus the binary logarithm of the number of triangles, rounded up. Positions must be finite, as a
     /// [`Scene`](crate::scene::Scene)'s are.
     pub fn build(mesh: &Mesh, leaf_size: usize) -> Self {
         Self::build_for(TreeUse::ManyFrames, mesh, leaf_size)

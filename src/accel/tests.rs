@@ -143,10 +143,10 @@ fn triangles_far_apart_by_powers_of_two_keep_the_depth_bounded() {
     }
 }
 
-/// The triangles are far apart along each axis in turn, so each cut of least cost separates only few
-/// triangles from all others. If all nodes were cut at the least cost, the tree would be far deeper than the
-/// test allows. To limit the depth, the builder divides nodes from depth 64 on into halves with equal numbers
-/// of triangles.
+/// The triangles are far apart along each axis in turn, so each cut of least cost separates only few triangles
+/// from all others. If all nodes were cut at the least cost, the tree would be far deeper than the test allows.
+/// To limit the depth, the builder divides nodes from depth 64 on into halves whose numbers of triangles differ
+/// by at most one.
 #[test]
 fn triangles_far_apart_along_each_axis_keep_the_depth_bounded() {
     let mesh = mesh_of((-140..120).flat_map(|power| {

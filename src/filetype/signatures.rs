@@ -4,7 +4,7 @@ use super::{FileType, Foreign, MeshFormat, stl, text};
 
 /// The advice for files that contain a mesh.
 pub(super) const EXPORT: &str = "export the file as glTF or OBJ, with Blender for example";
-/// The advice for files in a program's own format, which no other program reads.
+/// The advice for files in a program's own format, which few other programs read.
 pub(super) const OWN: &str = "export the file as glTF or OBJ from the program that made it";
 /// The advice for files of CAD programs. Such files describe curved surfaces without triangles.
 pub(super) const CAD: &str = "export a mesh (STL) from the file, with FreeCAD for example";
@@ -14,7 +14,8 @@ pub(super) const CONVERT: &str = "convert the file to PLY, with meshio or ParaVi
 pub(super) const POINTS: &str = "make triangles of the file's points, with MeshLab for example";
 /// The advice for files with volumes (a density at each point of a grid).
 pub(super) const SURFACE: &str = "extract the surface as PLY or STL, with ParaView for example";
-/// All texts of advice that tell the user how to get a mesh from a file.
+/// The texts of advice for several formats that tell the user how to get a mesh from a file. Some single
+/// formats have a text of their own, which this list lacks.
 pub(super) const TO_MESH: [&str; 6] = [EXPORT, OWN, CAD, CONVERT, POINTS, SURFACE];
 pub(super) const UNPACK: &str = "unpack the file first";
 /// The advice for a web server's error page that was downloaded instead of a file.

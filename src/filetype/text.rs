@@ -152,7 +152,8 @@ fn xml(head: &[u8]) -> Option<(&'static str, &'static str)> {
     }
 }
 
-/// Returns the name of the first tag that is neither a declaration nor in a comment.
+/// Returns the name of the first tag that is neither a declaration nor in a comment; empty if there is no such
+/// tag.
 fn root_element(head: &[u8]) -> String {
     let text = String::from_utf8_lossy(head);
     let mut rest = text.as_ref();
@@ -186,7 +187,8 @@ pub(super) fn is_list_of_numbers(head: &[u8]) -> bool {
     !rows.is_empty() && rows.iter().all(is_row)
 }
 
-/// Returns true if the first line is a single number, or has as many fields as the next line, but no numbers.
+/// Returns true if the first line is a single number, or has as many fields as the next line and a field that
+/// is no number.
 fn is_title(first: &[u8], rest: &[&[u8]]) -> bool {
     let columns = rest.first().map_or(0, |line| count_fields(line));
     count_fields(first) == if are_numbers(first) { 1 } else { columns }

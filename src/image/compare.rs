@@ -4,7 +4,7 @@ use super::{Radiance, colour};
 use crate::scene::Display;
 use image::{Rgb, RgbImage};
 
-/// Two radiances count as equal if their relative difference is below this limit.
+/// Two radiances count as equal if their relative difference is at most this limit.
 pub const RELATIVE_LIMIT: f64 = 1e-3;
 
 /// Returns the smallest radiance by which differences are divided. If a pixel is darker than the returned radiance, its

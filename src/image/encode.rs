@@ -83,8 +83,8 @@ fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
     if most < f32::MIN_POSITIVE {
         return [0.0; 3];
     }
-    // The HDR format cannot hold values much larger than a quarter of `f32::MAX`, so this function leaves
-    // pixels with such values unchanged.
+    // The HDR format cannot hold half of `f32::MAX` or more, so this function leaves pixels near this limit
+    // unchanged.
     if most > f32::MAX / 4.0 {
         return pixel;
     }

@@ -48,9 +48,9 @@ const MOST_OF_JPEG: u32 = u16::MAX as u32;
 /// file.
 const NO_HDR_WIDTH: u32 = 1 << 15;
 
-/// Writes an image in the format of its file's extension. PNG and JPEG (quality 95) have the values that `display`
-/// shows; EXR and HDR have linear radiance. The file is written completely or not at all. A file that raycl did not
-/// make is replaced only if the user allows it (`--force`).
+/// Writes an image in the format of its file's extension. PNG and JPEG (quality 95) have the values that
+/// `display` shows; EXR and HDR have linear radiance. The file is written completely or not at all. A file that
+/// raycl did not make, or that was changed since, is replaced only if the user allows it (`--force`).
 ///
 /// An unknown extension, a missing folder, or a file that may not be replaced is a user error. If writing
 /// fails although the user made no mistake, the error says that the run failed.

@@ -122,8 +122,8 @@ fn grey(layers: &Layers) -> RgbImage {
     })
 }
 
-/// Returns a picture of the normals: each component from -1 to 1 becomes a colour channel from 0 to 255. Pixels without
-/// a hit are black.
+/// Returns a picture of the normals: each component from -1 to 1 becomes a colour channel from 0 to 255. Pixels
+/// without a hit, and hits whose normal is zero, are black.
 fn directions(layers: &Layers) -> RgbImage {
     picture(layers, |pixel| match layers.normal[pixel] {
         [0.0, 0.0, 0.0] => [0; 3],
@@ -131,8 +131,8 @@ fn directions(layers: &Layers) -> RgbImage {
     })
 }
 
-/// Returns a picture of the base colours in sRGB, so that a textured pixel has the 8-bit colour that the
-/// texture's file has. Base colours above 1 are shown as 1.
+/// Returns a picture of the base colours in sRGB, so that a texture on a white surface has the 8-bit colours of
+/// the texture's file. Base colours above 1 are shown as 1.
 fn colours(layers: &Layers) -> RgbImage {
     picture(layers, |pixel| layers.albedo[pixel].map(srgb_value))
 }

@@ -240,11 +240,11 @@ mod tests {
         }
     }
 
-    /// If the whole picture is exactly twice as wide and high as the half picture, a pixel of the half
-    /// picture covers two pixels of the whole picture along each axis. The centres of the whole picture's two
-    /// pixels lie before and after the centre of the half picture's pixel. The distance between these centres
-    /// is a quarter of the side of the half picture's pixel. If both pictures have an odd number of pixels
-    /// along an axis, the middle pixels of the two pictures have the same centre.
+    /// If the whole picture is exactly twice as wide and high as the half picture, a pixel of the half picture
+    /// covers two pixels of the whole picture along each axis. The centres of the whole picture's two pixels
+    /// lie before and after the centre of the half picture's pixel. Each of the two lies a quarter of the side
+    /// of the half picture's pixel away from the centre of this pixel. If both pictures have an odd number of
+    /// pixels along an axis, the middle pixels of the two pictures have the same centre.
     #[test]
     fn pixels_lie_beside_the_centres_of_half_pixels() {
         assert_eq!([0, 1, 2, 3].map(|at| position_in_half(at, (2, 4))), [-0.25, 0.25, 0.75, 1.25]);

@@ -53,8 +53,8 @@ impl PixelSample {
         }
     }
 
-    /// Marks the sample as one in which a nudge (a small turn of the ray) turned a hit into a miss, or the
-    /// reverse.
+    /// Marks the sample as one in which a nudge (a small turn of the ray) or another small change turned a hit
+    /// into a miss, or the reverse.
     pub(super) fn turn(&mut self, reach: Reach) {
         (self.turns, self.change) = (true, f64::INFINITY);
         if reach == Reach::Near {

@@ -103,8 +103,9 @@ pub fn wrong_shares(what: &str, shares: &[f32], reference: &Reference) -> Option
     ))
 }
 
-/// Returns the number of uncertain pixels whose value lies outside the range that the reference allows for
-/// the pixel.
+/// Returns the number of uncertain pixels whose value lies outside the range that the reference allows for the
+/// pixel. A channel may lie outside its range by [`RELATIVE_LIMIT`] times the largest channel of the range's
+/// upper end, or times the reference's `floor` if that is larger.
 fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     let strays = |doubt: &&Doubt| {
         let actual = image.pixels[doubt.pixel];
