@@ -7,10 +7,11 @@ use image::{Rgb, RgbImage};
 /// Two radiances count as equal if their relative difference is at most this limit.
 pub const RELATIVE_LIMIT: f64 = 1e-3;
 
-/// Returns the smallest radiance by which differences are divided. If a pixel is darker than the returned radiance, its
-/// differences are divided by the returned radiance, not by the pixel's own radiance. The returned radiance is a
-/// thousandth of the image's brightest channel or of the radiance that is displayed as white, whichever is less. The
-/// returned radiance is never below the smallest normal f32.
+/// Returns the smallest radiance by which differences are divided. If a pixel is darker than the returned
+/// radiance, its differences are divided by the returned radiance, not by the pixel's own radiance. The
+/// returned radiance is a thousandth of the image's brightest channel or of 1 / exposure, whichever is less.
+/// The tone curve `clip` displays a radiance of 1 / exposure as white. The returned radiance is never below the
+/// smallest normal f32.
 pub fn dark_floor(image: &Radiance, display: Display) -> f64 {
     let white = 1.0 / f64::from(display.exposure);
     let visible = if white > 0.0 { brightest(image).min(white) } else { brightest(image) };

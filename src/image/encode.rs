@@ -73,11 +73,11 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
     })
 }
 
-/// Rounds a pixel to the nearest values that an HDR file can hold: multiples of a step, by factors from 0
-/// to 255. All channels of a pixel share one step, a power of two that follows from the largest channel. If
-/// this function did not round pixels, every picture would become darker, since the encoder itself rounds
-/// down to multiples of the step. A pixel whose channels are all below the smallest normal f32 becomes black,
-/// since the encoder has no exponent for such small values.
+/// Rounds a pixel to the nearest values that an HDR file can hold: multiples of a step, with whole factors from
+/// 0 to 255. (The encoder turns negative multiples into 0.) All channels of a pixel share one step, a power of
+/// two that follows from the largest channel. If this function did not round pixels, every picture would become
+/// darker, since the encoder itself rounds down to multiples of the step. A pixel whose channels are all below
+/// the smallest normal f32 becomes black, since the encoder has no exponent for such small values.
 fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
     let most = pixel.into_iter().fold(0.0, f32::max);
     if most < f32::MIN_POSITIVE {

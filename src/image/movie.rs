@@ -93,8 +93,8 @@ impl Movie {
     }
 }
 
-/// Returns true if a stream was not written to its end because its reader has closed it. This is no error: a video
-/// encoder closes the stream if it needs no more frames.
+/// Returns true if a stream was not written to its end because its reader has closed it. A closed stream is no
+/// error: a video encoder closes the stream if it needs no more frames.
 fn was_closed(written: IoResult<()>) -> Result<bool> {
     match written {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(true),
