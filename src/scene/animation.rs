@@ -35,7 +35,8 @@ pub struct Animation {
     /// The scene file's TOML table, without the key `animation`.
     table: Table,
     tracks: Vec<Track>,
-    /// The numbers, in the scene file, of the camera's tracks that an angle replaces.
+    /// The numbers of the tracks that are left out, because an angle of the camera replaces them. Tracks are
+    /// numbered from 0, in the order of the scene file.
     left_out: Vec<usize>,
     shot: Shot,
     cache: FrameCache,

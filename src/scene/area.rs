@@ -14,7 +14,7 @@ pub enum AreaShape {
     #[default]
     Rectangle = 1,
     /// The disc that touches the four sides of the rectangle with the light's two edges; an ellipse if these
-    /// edges differ in length.
+    /// edges differ in length or are not perpendicular.
     Disc = 2,
 }
 

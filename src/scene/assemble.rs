@@ -108,9 +108,9 @@ pub(super) fn assemble(
     Ok(Assembled { scene, orbit, starts, own_triangles, dressed: studio.is_some(), eye_is_set, is_framed })
 }
 
-/// Returns the scene's name. Refuses an empty name, since the names of result files contain the scene's name. Lines
-/// of results contain it too, so that a line break in the name could forge a line. Control characters and
-/// invisible characters are therefore replaced by escapes such as `\u000a`.
+/// Returns the scene's name. Refuses an empty name, since the names of result files contain the scene's name.
+/// Lines of results contain the name too, so a line break in the name could forge a line. Control characters
+/// and invisible characters are therefore replaced by escapes such as `\u000a`.
 fn name(document: &Document, wire: &SceneWire) -> Result<String> {
     let name = match &wire.name {
         None => &document.stem,

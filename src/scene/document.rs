@@ -155,9 +155,9 @@ impl Document {
         }
     }
 
-    /// Returns true if the animation leaves out a track that has the path `path`. It leaves out the file's tracks
-    /// that move the camera if a setting sets an angle, from which the camera shows the whole scene. A track
-    /// whose path was set is not the file's, and stays.
+    /// Returns true if the animation leaves out a track that has the path `path`. If a setting sets an angle of
+    /// the camera, the camera shows the whole scene from this angle. The animation then leaves out the file's
+    /// tracks that move the camera. A track whose path comes from a setting is not left out.
     pub fn leaves_out_track(&self, path: &Spanned<String>) -> bool {
         let has_angle = self.changed.as_ref().is_some_and(|changed| overrides::have_angle(&changed.settings));
         has_angle

@@ -48,8 +48,9 @@ impl Inputs {
         self.held().paths.contains(path)
     }
 
-    /// Returns true if the path of a file leads to another file than at the last call, or than when the path was added
-    /// after that call. A path leads to another file if the file's link, or a link to one of its folders, is replaced.
+    /// Returns true if the path of a file leads to another file than before. "Before" means the last call or,
+    /// if the path was added after the last call, the time when the path was added. A path leads to another
+    /// file if the file's link, or a link to one of its folders, is replaced.
     pub fn lead_elsewhere(&self) -> bool {
         let mut is_any_new = false;
         for (path, target) in &mut self.held().targets {

@@ -149,7 +149,7 @@ pub struct Scene {
     pub sky: Option<Sky>,
     /// The camera.
     pub camera: Camera,
-    /// The radiance of a ray that hits nothing.
+    /// The radiance of a ray that hits nothing, unless the ray sees the sky's picture.
     pub background: Vec3,
     /// True if pictures have an alpha channel. Alpha is the share of a pixel that surfaces cover. If true,
     /// the background's radiance is 0.
@@ -211,9 +211,9 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // A scene without textures, transparency, soft lights and a sky adds nothing more to the hash. Older
-        // versions of raycl had no textures, transparency, soft lights and skies, so scenes without them have
-        // the same hash as in records of older versions.
+        // Seven features add to the hash only if the scene has them: textures, transparency, smooth shadows,
+        // soft lights, a sky, emitted light and colours of corners. Older versions of raycl did not have these
+        // features, so scenes without them have the same hash as in records of older versions.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));

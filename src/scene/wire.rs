@@ -42,7 +42,7 @@ pub(super) struct SceneWire {
     /// faces. A triangle's front is the side to which the mean of its corners' normals points, whatever the order of
     /// its corners [default: false].
     pub two_sided: Option<bool>,
-    /// Use the colour textures of meshes [default: true].
+    /// Use the textures of meshes: colours, masks and emitted light [default: true].
     pub textures: Option<bool>,
     /// Use mip levels, smaller versions of textures, for pixels larger than texels [default: true].
     pub mip_levels: Option<bool>,

@@ -1,6 +1,6 @@
 //! The lights of a scene, which come from the scene file, from a bare mesh's own file or from a studio (the
-//! default surroundings of a bare mesh). A bare mesh without lights and without a sky gets a key light and a
-//! fill light.
+//! default surroundings of a bare mesh). A bare mesh without lights, without a sky and without a studio gets a
+//! key light and a fill light.
 
 use super::Seen;
 use crate::error::Result;

@@ -91,9 +91,10 @@ pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files
     movable.map_or(DVec3::ZERO, |(low, high)| Placement::of(low, high).origin)
 }
 
-/// Transforms the object's triangles to the coordinates of the scene, whose origin is at `origin` in the scene file's
-/// coordinates. Moves the camera and the lights of the object's file to these coordinates. Applies the object's
-/// `material` to the triangles.
+/// Transforms the object's triangles to the coordinates of the scene, whose origin is at `origin` in the scene
+/// file's coordinates. Moves the camera and the lights of the object's file to these coordinates. Converts the
+/// emitted light of the object's file to the scene's unit of radiance. Applies the object's `material` to the
+/// triangles.
 pub(super) fn placed(wire: &ObjectWire, mut file: MeshFile, origin: DVec3) -> MeshFile {
     let from = file.placement.origin;
     let mut transform = transform(wire);

@@ -32,10 +32,10 @@ pub(super) fn joined<T: Copy, K: Ord + Send>(all: &[T], key: impl Fn(&T) -> K) -
 }
 
 /// Joins the equal positions of a mesh if normals will be generated for it, and if it has more positions than
-/// triangles. A closed mesh whose triangles share their positions has half as many positions as triangles, so this
-/// comparison finds the meshes whose faces share hardly any, and reading the others takes no longer. Colours and
-/// texture coordinates belong to the corners of triangles, so they do not change. Returns by how many the positions
-/// became fewer.
+/// triangles. A closed mesh whose triangles share their positions has about half as many positions as
+/// triangles. The comparison therefore finds the meshes whose faces share hardly any positions. Reading all
+/// other meshes takes no longer than without the joining. Colours and texture coordinates belong to the corners
+/// of triangles, so they do not change. Returns the number of positions that were removed.
 pub(super) fn join_positions(mesh: &mut Mesh) -> usize {
     let lacks_normal = |triangle: &Triangle| triangle.normals.contains(&MISSING);
     if mesh.positions.len() <= mesh.triangles.len() || !mesh.triangles.iter().any(lacks_normal) {

@@ -198,8 +198,8 @@ impl Elements<'_> {
         }
     }
 
-    /// Returns a note on lines or bytes after the last element; `None` if there are only blanks and line
-    /// ends.
+    /// Returns a note on lines or bytes after the last element; `None` if there are only blanks, line ends and,
+    /// in an ASCII file, comments.
     fn note_rest(self) -> Option<String> {
         let (count, what) = match self {
             Self::Ascii(lines) => (lines.rest(), "line after the last element"),

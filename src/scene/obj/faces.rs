@@ -210,9 +210,9 @@ fn read_corners(
 }
 
 /// Appends the corners of a face to `corners` and returns true if the line has the most frequent form: blanks
-/// before each corner, and only positive indices that exist in the file. Returns false if the line has
-/// another form. In this case, some of the line's corners may have been appended, and the caller reads the
-/// line again with [`corner`].
+/// before each corner, and only positive indices of elements that exist in the file and are valid. Returns
+/// false if the line has another form. In this case, some of the line's corners may have been appended, and the
+/// caller reads the line again with [`corner`].
 fn read_usual_corners(context: &FaceContext, line: &[u8], corners: &mut Vec<Corner>) -> bool {
     let mut rest = line;
     while let Some(text) = after_blanks(rest) {
@@ -260,8 +260,9 @@ fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Res
     }
 }
 
-/// Splits a corner in the form `1`, `1/2`, `1//3` or `1/2/3` off the beginning of a text. Returns `None` if
-/// the corner is written in none of these four forms, or if one of its indices does not exist in the file.
+/// Splits a corner in the form `1`, `1/`, `1/2`, `1//3` or `1/2/3` off the beginning of a text. Returns `None`
+/// if the corner has another form, if one of its indices does not exist in the file, or if its normal is not
+/// valid.
 fn usual_corner<'a>(context: &FaceContext, text: &'a [u8]) -> Option<(Corner, &'a [u8])> {
     let index = |number: u32, total: usize| (number as usize <= total).then(|| number - 1);
     let (position, mut rest) = leading_index(text)?;

@@ -127,7 +127,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, ..MeshFile::default() }))
 }
 
-/// Refuses a mesh with more vertices or normals than indices of 31 bits can distinguish.
+/// Refuses a mesh with 2^31 - 1 or more vertices or normals, so that every index fits into 31 bits.
 fn check_total(name: &str, total: faces::Start) -> Result<()> {
     if total.positions.max(total.normals) < i32::MAX as usize {
         return Ok(());

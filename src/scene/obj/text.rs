@@ -11,8 +11,8 @@ const SHOWN_LINE_BYTES: usize = 400;
 const SHOWN_FILE_BYTES: usize = 4 << 20;
 /// Largest number of characters of a file's name that messages show in full.
 const SHOWN_NAME_CHARACTERS: usize = 200;
-/// Smallest number of bytes of a piece of an OBJ file's text. Reading shorter pieces in parallel would save
-/// no time.
+/// Smallest number of bytes of a piece of an OBJ file's text, except of the last piece. Reading shorter pieces
+/// in parallel would save no time.
 const CHUNK_BYTES: usize = 1 << 17;
 /// Largest number of bytes of a piece of the text. A piece may be longer by the rest of its last line. With
 /// longer pieces, the other threads would wait long while one thread reads the last piece.

@@ -34,8 +34,8 @@ pub(super) fn load<'a>(
                 .map_err(|what| format!("buffer {number}: {what}"))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
-                // All empty buffers are refused here, because an empty buffer that no accessor uses would not
-                // be noticed later.
+                // Every buffer that is empty although the file states bytes is refused here, because such a
+                // buffer would not be noticed later if no accessor uses it.
                 0 if expected > 0 => Err(format!("buffer {number} is empty; expected {expected} bytes")),
                 _ => Ok(bytes),
             }

@@ -311,7 +311,7 @@ fn positions_that_no_triangle_uses_are_left_out() {
     assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::X, Vec3::Y, Vec3::X]);
 }
 
-/// The test's file has 3 MB, and its mesh would take about 900 GB.
+/// The test's file has almost 4 MB, and its mesh would take about 900 GB.
 #[test]
 fn a_mesh_that_too_many_nodes_place_is_refused_before_it_is_made() {
     let nodes = vec![r#"{"mesh": 0}"#; 200_000].join(",");

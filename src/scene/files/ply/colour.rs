@@ -9,8 +9,8 @@ use ply_rs_bw::ply::{ElementDef, Property};
 /// and blue. An element's colour is read by the names of the first row of which the element has all three.
 pub(super) const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
-/// The name of the alpha channel that belongs to each row of [`CHANNELS`]. The first name belongs to the other rows
-/// too, if an element lacks the row's own name.
+/// The name of the alpha channel that belongs to each row of [`CHANNELS`]. If an element lacks the alpha
+/// channel of its row, the first of these names counts instead.
 const ALPHA: [&str; 3] = ["alpha", "diffuse_alpha", "a"];
 /// The names of red, green, blue and alpha by which [`Colour::set`] knows them.
 const KNOWN: [&str; 4] = ["red", "green", "blue", "alpha"];

@@ -24,19 +24,19 @@ pub(super) struct Tidied<'a> {
     pub header: String,
     /// The bytes after the header.
     pub payload: &'a [u8],
-    /// The number of lines whose first word PLY does not define. For example, some exporters write their name
-    /// into a line without the word `comment`. In `header`, lines with such first words are turned into
+    /// The number of lines that are empty, or whose first word PLY does not define. For example, some exporters
+    /// write their name into a line without the word `comment`. In `header`, such lines are turned into
     /// comments.
     pub strange: usize,
     /// A map from the name of each element in `header` to the element's name in the file.
     pub elements: HashMap<String, String>,
 }
 
-/// Brings a file's header into the form that PLY defines: UTF-8 without a byte order mark, with line feeds as its only
-/// line ends, and without blanks before a line. Lines whose first word PLY does not define become comments. In the
-/// converted header, no two elements have the same name, and no two properties of an element have the same name. The
-/// names of colour channels are in lower case. Fails if the first line is `ply` but the header is longer than
-/// [`MAX_BYTES`].
+/// Brings a file's header into the form that PLY defines: UTF-8 without a byte order mark, with line feeds as
+/// its only line ends, and without blanks before a line. Empty lines, and lines whose first word PLY does not
+/// define, become comments. In the converted header, no two elements have the same name, and no two properties
+/// of an element have the same name. The names of colour channels are in lower case. Fails if the first line is
+/// `ply` but the header is longer than [`MAX_BYTES`].
 pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut tidied = Tidied { header: String::new(), payload: &[], strange: 0, elements: HashMap::new() };
@@ -159,7 +159,8 @@ impl Names {
     }
 }
 
-/// Returns the name with `_` in place of each character that PLY does not define.
+/// Returns the name with `_` in place of each character that PLY does not define, and with `_` before a first
+/// character that is neither a letter nor `_`.
 fn valid(name: &str) -> String {
     let is_valid = |char: char| char.is_ascii_alphanumeric() || char == '_' || char == '-';
     let name: String = name.chars().map(|char| if is_valid(char) { char } else { '_' }).collect();
