@@ -91,8 +91,8 @@ fn is_complete(bytes: &[u8]) -> bool {
         rest = &rest[at + 1..];
         match *rest {
             [kind, ..] if has_scan && [MARKER, kind] == END_OF_IMAGE => return true,
-            // The byte after 0xff shows that this is a byte of a scan, a marker without a segment, or padding
-            // before a marker.
+            // The byte after 0xff shows what the two bytes are: 0 means a byte 0xff of a scan, 0xff means
+            // padding before a marker, and each of the other values means a marker without a segment.
             [0 | 1 | 0xd0..=0xd9 | MARKER, ..] => {}
             [kind, high, low, ..] => {
                 has_scan |= kind == START_OF_SCAN;

@@ -101,11 +101,11 @@ impl Tree {
         })
     }
 
-    /// Passes triangles to `visitor`, approximately in the order of distance. The visitor gets the triangles
-    /// of all leaves whose boxes, enlarged by `around` on each side, the ray hits before the distance `far`.
-    /// At first, `far` is `ray.far`. Each call of the visitor gets a triangle and `far`, and returns the new
-    /// value of `far`: the distance up to which further triangles matter. The traversal ends if `far` is not
-    /// above `ray.near`.
+    /// Passes triangles to `visitor`, approximately in the order of distance. Boxes are first enlarged by
+    /// `around` on each side. The visitor gets the triangles of all leaves whose enlarged boxes the ray hits
+    /// before the distance `far`. At first, `far` is `ray.far`. Each call of the visitor gets a triangle and
+    /// `far`, and returns the new value of `far`: the distance up to which further triangles matter. The
+    /// traversal ends if `far` is not above `ray.near`.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A zero component of a ray's direction would give NaN (0 * infinity) if the ray lies in a face of a
         // box.

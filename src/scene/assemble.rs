@@ -39,8 +39,8 @@ pub(super) struct Assembled {
     pub starts: Vec<u32>,
     /// Number of triangles, not counting those of a ground that raycl added.
     pub own_triangles: usize,
-    /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a bare mesh that
-    /// has no lights.
+    /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a bare mesh that has
+    /// neither lights nor a sky.
     pub dressed: bool,
     /// True if the scene file or a setting sets the camera's position.
     pub eye_is_set: bool,

@@ -22,9 +22,9 @@ const NEAREST_RADII: f64 = 0.3;
 /// large as the distance.
 const LEAST_RADIUS: f64 = 1e-6;
 /// A mesh is closed if the length of the sum of its area vectors (normal times area) is at most this fraction
-/// of the mesh's area. A mesh that is not closed is open if the horizontal part of the sum of its area
-/// vectors is also longer than this fraction of the mesh's area. If one triangle is reversed in a mesh whose
-/// area vectors add up to zero, the sum becomes twice the triangle's area. Reversing one triangle can
+/// of the mesh's area. A mesh that is not closed is open if the horizontal part of the sum of its area vectors
+/// is also longer than this fraction of the mesh's area. If one triangle is reversed in a mesh whose area
+/// vectors add up to zero, the length of the sum becomes twice the triangle's area. Reversing one triangle can
 /// therefore make a closed mesh open only if the triangle has more than half of this fraction of the mesh's
 /// area. At most 19 triangles of a mesh are so large.
 const OPEN_PART: f64 = 0.1;

@@ -24,8 +24,8 @@ pub struct Loaded {
     /// The index of the first triangle of each object. In a glTF file without a scene file, each node with a
     /// mesh counts as an object. A ground that raycl added counts as the last object.
     pub object_starts: Vec<u32>,
-    /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a bare mesh that
-    /// has no lights.
+    /// True if raycl added soft light, a sky and usually a ground. raycl adds them only to a bare mesh that has
+    /// neither lights nor a sky.
     pub dressed: bool,
     /// True for a bare mesh, which has no scene file.
     pub is_bare: bool,
@@ -48,7 +48,7 @@ pub struct Shot {
     /// True if the scene turns on a turntable. On a turntable, the camera is so far away that the whole scene
     /// is visible at every angle.
     pub turns: bool,
-    /// True if a bare mesh without lights gets soft light, a sky and usually a ground.
+    /// True if a bare mesh without lights and without a sky gets soft light, a sky and usually a ground.
     pub dressed: bool,
     /// The largest number of triangles that can be cast; `None` if this number is not known. Shapes with more
     /// triangles are refused before their triangles are made.

@@ -126,8 +126,7 @@ impl Display {
             if is_too_dark { nearest.next_up() } else { nearest }
         };
         let radiance = Vec3::from_array(colour.map(radiance));
-        // With an exposure of 0, the radiance is not finite. Everything is then displayed as black, so any
-        // radiance will do.
+        // With an exposure of 0, the radiance is not finite. Pictures are then black whatever the radiance is.
         if radiance.is_finite() { radiance.min(Vec3::splat(MAX_POWER)) } else { Vec3::ZERO }
     }
 }

@@ -622,8 +622,11 @@ mod tests {
         assert!(answer.strategy.starts_with("on teapot, private ("), "{}", answer.strategy);
         assert_eq!(answer.size, "on teapot, 8 x 8");
         assert_eq!(answer.why, "not known, because naive was not measured");
-        let failed =
-            of(&[measured("gpu", "private", 8, 2.0), infeasible("gpu", "naive", 8, "too large\nat 8 x 8")]);
+        let failed = of(&[
+            measured("gpu", "private", 8, 2.0),
+            measured("gpu", "local-vectors", 4, 3.0),
+            infeasible("gpu", "naive", 8, "too large\nat 8 x 8"),
+        ]);
         assert_eq!(failed.why, "not known, because naive has no time: too large");
         let none = of(&[few("gpu", "private", 8, 2.0, 3), few("gpu", "local-vectors", 4, 3.0, 3)]);
         assert_eq!(none.why, NO_WINNER);

@@ -21,8 +21,8 @@ pub(super) fn is_numeric(value: &Value) -> bool {
     }
 }
 
-/// Returns true if two numeric values have the same structure: if both are numbers, or if both are lists of
-/// the same length whose elements also have the same structure.
+/// Returns true if two numeric values have the same structure, that is, if both are numbers, or if both are
+/// lists of the same length whose elements also have the same structure.
 pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Array(a), Value::Array(b)) => {

@@ -171,9 +171,9 @@ fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
 impl Reach<'_> {
     /// Returns the names of the files that the text after `mtllib` means. The whole text, with its spaces, is
     /// one name if a file with this name exists (the name may end before a comment). The whole text after
-    /// `mtllib` is also one name if its first word neither ends in `.mtl` nor is the name of a file.
-    /// Otherwise, each word of the text is the name of a file. Some programs write a blank within a name as
-    /// `\ `. If a file exists whose name has a blank that is written in this way, the text is divided only at
+    /// `mtllib` is also one name if its first word neither ends in `.mtl` nor is the name of a file. Otherwise,
+    /// each word of the text is the name of a file. Some programs write a blank within a name as `\ `. If the
+    /// name of an existing file contains a blank that is written in this way, the text is divided only at
     /// blanks without a `\`. If there is no file with a name, raycl also tries the name without its folders.
     fn file_names(&self, library: &str) -> Vec<String> {
         let exists = |name: &str| self.locate(name).is_ok();

@@ -28,7 +28,7 @@ const LARGEST: f64 = 1e300;
 #[derive(Clone, Copy)]
 pub(super) struct Reading {
     /// How positions are moved and scaled before they are rounded to single precision; `None` if this is not
-    /// known yet, so that positions stay unchanged.
+    /// known yet; positions then stay unchanged.
     pub placement: Option<Placement>,
     /// True if coordinates up to [`LARGEST`] are valid.
     pub is_large: bool,
@@ -142,7 +142,8 @@ impl PointChunk {
             (None | Some(Some(_)), None, _) => return,
             _ => return self.odd_colours.at(offset),
         };
-        // A word that is not a number counts as an alpha of 0, so that a note says that it is ignored.
+        // A fourth word that is not a number counts as an alpha of 0, so that the note on ignored alphas counts
+        // it.
         self.alphas.extend(next().map(Option::unwrap_or_default));
         self.coloured += 1;
         self.colours.resize(self.positions.len() - 1, UNCOLOURED);

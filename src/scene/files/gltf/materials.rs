@@ -180,8 +180,8 @@ pub(super) fn double_sided(root: &Root, used: &HashSet<usize>) -> usize {
     used.iter().filter(asks).count()
 }
 
-/// Returns the unsupported kind of transparency for which a material asks, and the words for it in notes;
-/// `None` if the material asks for none.
+/// Returns the unsupported kind of transparency for which a material asks, and the words with which notes name
+/// this kind; `None` if the material asks for none.
 fn alpha_wish(wire: &Wire) -> Option<(Wish, &'static str)> {
     match (wire.alpha_mode, colour_texture(wire)) {
         (Checked::Valid(AlphaMode::Mask), _) if is_hidden(wire) => {

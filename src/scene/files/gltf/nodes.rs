@@ -138,7 +138,7 @@ impl<'a> Walk<'a> {
                 Shape::Other => self.left_out.lines_and_points += 1,
             }
         }
-        // A position's index in this list is not a number that the file has, so the error names only the mesh.
+        // The index of a position in this list is not the index in the file, so the error names only the mesh.
         match self.positions[first..].iter().find(|position| !origin::is_valid(position)) {
             Some(position) => Err(origin::invalid(&format!("a vertex of mesh {}", index.value()), position)),
             None => Ok(()),

@@ -39,7 +39,7 @@ pub(super) fn with_known_channels(element: &ElementDef) -> ElementDef {
     let channels = channels(element);
     let known = |name: String| match channels.and_then(|all| all.iter().position(|own| *own == name)) {
         Some(channel) => KNOWN[channel].to_owned(),
-        // Without a colour, `alpha` can only be opacity, which a note counts.
+        // In an element without a colour, `alpha` can only be opacity. A note counts such alphas.
         None if channels.is_none() && name == "alpha" => name,
         // No name in a header contains a blank, so the new name occurs only once.
         None if KNOWN.contains(&name.as_str()) => format!("other {name}"),
