@@ -104,9 +104,9 @@ pub(super) fn reverse(mesh: &mut Mesh) {
     mesh.normals.iter_mut().for_each(|normal| *normal = -*normal);
 }
 
-/// Adds one normal per position, and assigns these normals to all corners of each triangle that lacks a
-/// normal. The normal of a position is the mean, weighted by area, of the plane normals of those triangles at
-/// this position that lack a normal.
+/// Adds one normal per position, and assigns these normals to all corners of each triangle that lacks a normal.
+/// The normal of a position has the direction of the mean, weighted by area, of the plane normals of those
+/// triangles at this position that lack a normal. If these plane normals cancel each other, the normal is zero.
 fn generate(mesh: &mut Mesh) {
     let sums = sums_at_positions(mesh);
     let base = mesh.normals.len() as u32;

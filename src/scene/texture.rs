@@ -72,7 +72,7 @@ impl Texture {
 pub struct Mapped {
     /// Each corner's coordinates across and down.
     pub corners: [[f32; 2]; 3],
-    /// The texture's number in [`Textures::list`]; `None` if the triangle only has its material's colour.
+    /// The texture's number in [`Textures::list`]; `None` if the triangle has no colour texture.
     pub texture: Option<u32>,
     /// The number of the mask that defines the triangle's holes; `None` if the triangle has no mask.
     pub mask: Option<u32>,
@@ -128,8 +128,8 @@ impl Mapped {
 pub struct Textures {
     /// The textures: pictures with their wrap modes.
     pub list: Vec<Texture>,
-    /// The texture coordinates, texture and mask of each triangle, in the order of the mesh's triangles;
-    /// empty if no triangle has a texture or a mask.
+    /// The texture coordinates, texture and mask of each triangle, in the order of the mesh's triangles; empty
+    /// if no triangle has a texture or a mask, and no material has an emission texture.
     pub mapped: Vec<Mapped>,
 }
 
