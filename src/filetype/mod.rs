@@ -137,7 +137,8 @@ impl FileType {
             |what: &str, help: &str| Some(Error::input(format!("{name} is {what}")).with_help(help));
         match (self, wanted) {
             (Self::Foreign(Foreign { name, remedy }), _) => {
-                // If the user wanted an experiment, a mesh is of no use, so advice that leads to a mesh is left out.
+                // If the user wanted an experiment, a mesh is of no use, so the common advice that leads to a
+                // mesh is left out.
                 let leads_to_mesh = signatures::TO_MESH.contains(&remedy);
                 let none = remedy.is_empty() || wanted == Wanted::Experiment && leads_to_mesh;
                 let help = if none { String::new() } else { format!("; {remedy}") };
