@@ -274,7 +274,7 @@ pub fn does_not_compile(log: &str) -> Error {
     Error::input(format!("a kernel file does not compile: {log}")).with_help(help)
 }
 
-/// The longest program that is passed to a compiler.
+/// raycl includes no further file in a program that is longer than this.
 const LONGEST_PROGRAM_MIB: usize = 16;
 
 /// The files that are being joined. Each file in this list is included by the file before it.

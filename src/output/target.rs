@@ -140,7 +140,7 @@ fn copy(mut file: File, out: &mut impl Write) -> Result<()> {
 }
 
 /// Writes a temporary file without a name in a folder, and returns the file, positioned at its beginning. If
-/// no file can be created in the folder, the temporary file is in memory, so that a container whose folders
+/// no file can be created in the folder, the temporary file is in memory on Linux, so that a container whose folders
 /// are read-only can write to standard output.
 fn temporary(folder: &Path, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<File> {
     let written = || -> IoResult<File> {
