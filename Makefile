@@ -1,7 +1,7 @@
 # Targets to build, test and measure raycl. `make` without a target lists them.
 
-# All builds pass this folder to cargo: cargo's own settings may name another folder, in which RAYCL would not find the
-# program. The folder is quoted, since its name may have blanks.
+# All builds of programs and tests in this file pass this folder to cargo: cargo's own settings may name another folder,
+# in which RAYCL would not find the program. The folder is quoted, since its name may have blanks.
 TARGET_DIR = "$${CARGO_TARGET_DIR:-target}"
 RAYCL = $(TARGET_DIR)/release/raycl
 QUICK = results/quick

@@ -1,5 +1,5 @@
-//! Commands that only print: devices, strategies, occupancy, man pages and completions. The file also tests
-//! messages about mistakes, and colours.
+//! Commands that only print: devices, strategies, occupancy, man pages and completions. The file also tests messages
+//! about mistakes, colours, and sweeps of `raycl rule`.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, finish, run};
 use std::process::{Command, Stdio};

@@ -83,8 +83,8 @@ fn load(path: &Path) {
 mod tests {
     use super::*;
 
-    /// Calls `read` with the contents of the files in a folder of the repository, each as it is and cut in half.
-    /// Returns the number of files.
+    /// Calls `read` with the contents of the files of less than 8192 bytes in a folder of the repository, each as it is
+    /// and cut in half. Returns the number of files.
     fn of_files(folder: &str, read: impl Fn(&[u8], &Path)) -> usize {
         let temporary = tempfile::tempdir().expect("a temporary folder");
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);

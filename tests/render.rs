@@ -209,8 +209,8 @@ fn a_local_size_that_does_not_divide_the_image_is_padded() {
 }
 
 /// Kernels that work with any number of work-items per group, and default local sizes, respect the device's limit. If
-/// the environment variable `POCL_MAX_WORK_GROUP_SIZE` is set, PoCL's devices allow only this number of work-items per
-/// group.
+/// the environment variable `POCL_MAX_WORK_GROUP_SIZE` is set, PoCL's devices allow at most this number of work-items
+/// per group.
 #[test]
 fn a_device_that_allows_only_small_work_groups_casts_every_picture() {
     let (folder, device) = (new_folder(), device());

@@ -31,9 +31,9 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     folder.mistake(&["render", "scene.toml", "--samples", "0"], 2);
 }
 
-/// If a pixel has several samples, a vector of the strategy `tile` has 2 x 2 pixels. At the edges of a
-/// picture of an odd size, some pixels of a vector lie outside the picture. In this scene, no pixel inside
-/// the picture shows the background.
+/// If a pixel has 4 samples, a vector of the strategy `tile` has 2 x 2 pixels. At the edges of a picture of an odd
+/// size, some pixels of a vector lie outside the picture. In this scene, no pixel inside the picture shows the
+/// background.
 #[test]
 fn pixels_outside_a_picture_of_an_odd_size_change_none_inside() {
     let scene = "[[light]]\nposition = [0, 0, 1]\npower = 10\n[[object]]\n\

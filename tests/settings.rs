@@ -107,7 +107,8 @@ fn colours_are_the_options_then_the_environments_then_the_files() {
     assert!(coloured(&["--help", "--color", "always"], "1"));
 }
 
-/// Every command reports a mistake in the settings file; only help and worker processes ignore the mistake.
+/// Every command reports a mistake in the settings file. Help, `--version`, messages about wrong arguments, and worker
+/// processes ignore it.
 #[test]
 fn a_mistake_in_the_file_is_reported_with_its_line_and_the_nearest_name() {
     let folder = folder_with("# mine\ndevise = \"cpu\"\n");

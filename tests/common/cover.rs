@@ -27,8 +27,8 @@ fn pairs(strategy: &Strategy, values: &[Value]) -> Vec<usize> {
     (0..own.len()).flat_map(pairs_of).collect()
 }
 
-/// Returns every strategy that differs from a preset in at most two values, except strategies with values that exclude
-/// each other.
+/// Returns all strategies to which at most two changes of a value lead from a preset. After each change, no values of
+/// the strategy may exclude each other.
 fn candidates(values: &[Value]) -> Vec<Strategy> {
     let mut all: HashSet<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
     // `tried` has the strategies that were already checked. Two changes lead to the same strategy in either

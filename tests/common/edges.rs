@@ -121,8 +121,8 @@ fn ray_at_an_edge(mesh: &Mesh, origin: Vec3, state: &mut u32) -> Option<(Ray, f3
     crosses.then(|| (Ray { origin, direction, t_min: 0.0 }, offset.length()))
 }
 
-/// Returns true if `nearest`, the nearest triangle that a traversal found for a ray, is not farther away than
-/// `target`, and false if it is farther away or if no triangle was found.
+/// Returns true if `nearest`, the nearest triangle that a traversal found for a ray, is not farther away than `target`
+/// (by more than a thousandth). Returns false if it is farther away, or if no triangle was found.
 pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> bool {
     let Some(triangle) = nearest.map(|index| &mesh.triangles[index as usize]) else { return false };
     let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
