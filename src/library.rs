@@ -202,8 +202,8 @@ fn check_scene(scene: &Scene) -> Result<()> {
     scene.sky.iter().filter_map(|sky| sky.picture.as_deref()).try_for_each(check_sky_picture)
 }
 
-/// Refuses a picture of the sky if its texels do not match its size, if a texel has a number that is not from 0 to
-/// [`MAX_POWER`], or if `ahead`, the direction of its middle, is not a unit vector.
+/// Refuses a picture of the sky if it has no texels, if their number does not match its size, if a texel has a number
+/// that is not from 0 to [`MAX_POWER`], or if `ahead`, the direction of its middle, is not a unit vector.
 fn check_sky_picture(picture: &SkyPicture) -> Result<()> {
     let SkyPicture { size: [across, down], texels, ahead, .. } = picture;
     let count = texels.len() as u64;

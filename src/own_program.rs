@@ -39,8 +39,8 @@ pub fn own_worker() -> Result<Command> {
 }
 
 /// Returns a command that starts this program. On systems with /proc, the command does so even if the program's file
-/// was replaced or removed after the program started, for example by a newer build. Lists of processes show the started
-/// program as `raycl`.
+/// was replaced or removed after the program started, for example by a newer build. In lists of processes with their
+/// arguments, the started program is called `raycl`.
 pub fn own_program() -> Result<Command> {
     let mut command = Command::new(file()?);
     #[cfg(unix)]

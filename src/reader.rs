@@ -153,8 +153,8 @@ impl Damaged {
 }
 
 /// Reads the rest of a file whose first bytes, `head`, have already been read, and returns all of its bytes.
-/// Reads no more bytes than the limit of `kind` allows. If `kind` has no limit, reads no more bytes than the file's
-/// size, as the file system reports it.
+/// Reads at most one byte more than the limit of `kind` allows. If `kind` has no limit, reads no more bytes than the
+/// file's size, as the file system reports it.
 ///
 /// # Errors
 ///
@@ -234,8 +234,8 @@ pub fn names_a_folder(path: &Path) -> bool {
     path.file_name().is_none_or(|name| !text.ends_with(name.as_encoded_bytes()))
 }
 
-/// Returns a file's path with its folder made canonical (absolute, without links and `..`); `None` if the folder
-/// does not exist. The file itself need not exist.
+/// Returns a file's path with its folder made canonical (absolute, without links and `..`); `None` if the folder does
+/// not exist, or if the path ends in no file's name, such as `..`. The file itself need not exist.
 pub fn in_canonical_folder(path: &Path) -> Option<PathBuf> {
     Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?))
 }

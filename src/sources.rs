@@ -114,7 +114,7 @@ impl Sources {
     }
 
     /// Returns the sorted names of the kernel files in the user's folder; none if the user gives no folder. Fails if
-    /// the folder contains no kernel file.
+    /// the folder cannot be read or contains no kernel file, or if a file's name ends in `.CL` instead of `.cl`.
     pub fn own_files(&self) -> Result<Vec<String>> {
         let Self::Folder(folder) = self else { return Ok(Vec::new()) };
         let mut files = Vec::new();

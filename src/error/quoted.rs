@@ -43,7 +43,8 @@ pub fn line_of(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
 }
 
-/// Returns the text with long lines cut, and the number of bytes that were removed before `offset`.
+/// Returns the text with long lines cut, and the number of bytes by which the lines before that of `offset` became
+/// shorter.
 pub(super) fn cut_long_lines(text: String, offset: usize) -> (String, usize) {
     if text.split('\n').all(|line| line.len() <= SHOWN_LINE_BYTES) {
         return (text, 0);

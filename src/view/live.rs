@@ -335,8 +335,8 @@ impl Live {
     ///
     /// # Errors
     ///
-    /// Fails if no other usable device can cast the scene. The message states why the last device that was
-    /// tried cannot cast the scene.
+    /// Fails if the devices cannot be listed, or if no other usable device can cast the scene. If raycl has tried other
+    /// devices, the message states why the last one cannot cast the scene.
     pub fn next_device(&mut self) -> Result<()> {
         let all = discover(&self.sources)?;
         self.labels = all.iter().map(|device| device.info.label.clone()).collect();
@@ -428,8 +428,8 @@ fn told_apart(device: &DeviceInfo, labels: &[String]) -> String {
     names.remove(device.label.as_str()).unwrap_or_else(|| device.common_name())
 }
 
-/// Returns the error for the case that there is no other usable device. The message names the device as the
-/// line beside the picture does.
+/// Returns the error for the case that there is no other usable device. The message names the device by its common
+/// name.
 fn only(device: &DeviceInfo) -> Error {
     Error::input(format!("{} is the only usable device", device.common_name()))
 }

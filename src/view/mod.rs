@@ -79,8 +79,8 @@ pub struct Viewer<S: Screen> {
     /// since switched to another strategy, local size or device. While the files have a mistake, the scene is
     /// cast as it was before the mistake.
     mistake: Option<String>,
-    /// The answer to the last key or the last change of the screen's size: the reason why the key or the
-    /// change had no effect, or the list of keys; `None` if there is nothing to tell.
+    /// The answer to the user's last action (a key, a change of the screen's size, or a movement of the pointer): the
+    /// reason why the action had no effect, or the list of keys; `None` if there is nothing to tell.
     answer: Option<String>,
     /// The first note about the scene, with the number of the other notes. The note is shown in three cases:
     /// at the start, after the scene was read again, and after the picture's size has changed.
