@@ -265,8 +265,8 @@ impl Cli {
     ///
     /// # Errors
     ///
-    /// Fails if the user's settings contain a mistake, or if the help or the version cannot be printed. A worker
-    /// ignores a mistake in the settings.
+    /// Fails if the user's settings or raycl's environment variables contain a mistake, or if the help or the version
+    /// cannot be printed. A worker ignores a mistake in the settings or in the variables.
     pub fn read() -> Result<Self> {
         outlive_large_files();
         let words: Vec<OsString> = std::env::args_os().collect();

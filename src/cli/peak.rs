@@ -139,9 +139,9 @@ pub(super) struct Wanted<'a> {
 
 impl Wanted<'_> {
     /// Measures the peak rates in child processes, because the process of `raycl run` itself starts no driver. Returns
-    /// an error if the user interrupts the run. While this process waits for a child process, it calls
-    /// `observer.waits()`. Without these calls, `raycl merge --status` would report a shard that waits for its peak
-    /// rates as hung.
+    /// an error if the user interrupts the run or if a child process fails. While this process waits for a child
+    /// process, it calls `observer.waits()`. Without these calls, `raycl merge --status` would report a shard that
+    /// waits for its peak rates as hung.
     pub fn measured(&self, observer: &mut dyn Observer, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
         let mut all: Vec<Peak> = Vec::new();
         for pattern in self.patterns {

@@ -200,8 +200,8 @@ impl Findings {
 
 /// Returns an error for each file of a folder, other than a journal, that cannot be read. The checked files
 /// are the plan, the peak rates and, for an experiment in shards, the shards' plan and one file per kind of device. If
-/// several of the files for kinds of devices cannot be read, only the first of them is reported. Other commands refuse
-/// a folder with a file that cannot be read.
+/// several of the files for kinds of devices cannot be read, only the first of them is reported. Some other commands
+/// refuse a folder with a file that cannot be read.
 fn unreadable(folder: &Path) -> Vec<Error> {
     let errors = [
         ShardPlan::read(folder).err(),

@@ -129,7 +129,7 @@ fn arguments(args: &Args, name: &str) -> run::Args {
 }
 
 /// Writes the page from the results that were measured before the error, and returns the error with a help line that
-/// says how to continue.
+/// says how to continue. The help of a mistake in the input stays unchanged.
 fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
     let page = write_page(out)
