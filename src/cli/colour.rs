@@ -35,7 +35,7 @@ pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     CHOSEN.store(code, Ordering::Relaxed);
 }
 
-/// Returns the choice of colours that takes precedence. `refused` is true if `NO_COLOR` is set.
+/// Returns the choice of colours that takes precedence. `refused` is true if `NO_COLOR` is set and not empty.
 fn preferred(option: Option<Colour>, refused: bool, setting: Option<Colour>) -> Option<Colour> {
     option.or(refused.then_some(Colour::Never)).or(setting)
 }

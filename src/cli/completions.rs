@@ -15,7 +15,7 @@ pub struct Args {
     shell: Shell,
 }
 
-/// The line of the bash script that stores the word before the word at the cursor in `prev`.
+/// The line of the bash script that stores in `prev` the word before the word at the cursor.
 const PREVIOUS_WORD: &str = "    prev=\"$3\"\n";
 
 /// Prints the completion script.

@@ -30,8 +30,9 @@ pub fn with_tip(mut error: clap::Error, tip: String) -> clap::Error {
     error
 }
 
-/// Returns the error with the command that reads the file, if the unknown command is the path of a file. A command
-/// before this path, such as `cache`, is meant, and reads no file.
+/// If the unknown command is the path of a file, returns the error with the command that reads this file. If a command
+/// such as `cache` stands before the path, the user means that command, which reads no file; the error is then returned
+/// unchanged.
 fn with_command_of_file(error: clap::Error, words: &[OsString]) -> clap::Error {
     let cli = Cli::command();
     let command = match error.get(ContextKind::InvalidSubcommand) {

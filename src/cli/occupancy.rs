@@ -1,5 +1,5 @@
-//! `raycl occupancy`: predicts occupancy as in Figure 5 of the student paper that raycl reproduces, for each
-//! compute capability that raycl knows.
+//! `raycl occupancy`: predicts occupancy as in Figure 5 of the student paper that raycl reproduces, for any compute
+//! capability that raycl knows.
 
 mod paper;
 mod results;

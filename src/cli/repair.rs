@@ -161,8 +161,9 @@ impl Findings {
     }
 
     /// Returns a text for the user, with one line for each repaired journal, each unreadable file and each attempt that
-    /// may be running. If nothing was repaired and every file can be read, the text says that no line is damaged. If
-    /// the repair failed before it found anything, the text is empty.
+    /// may be running. If nothing was repaired and every file can be read, the text says that no line is damaged, even
+    /// if attempts that may be running were not checked. If the repair failed before it found anything, the text is
+    /// empty.
     fn text(&self) -> String {
         let line = |Repaired { file, copy, damaged, kept }: &Repaired| {
             let (file, copy) = (file.display(), copy.display());
@@ -212,8 +213,8 @@ fn unreadable(folder: &Path) -> Vec<Error> {
     errors.into_iter().flatten().collect()
 }
 
-/// Takes the lock of `folder`. Returns an error if this process may not create files in the folder, or if
-/// another process holds the lock.
+/// Takes the lock of `folder`. Returns an error if this process may not create files in the folder, if another process
+/// holds the lock, or if the lock's file is a link, a pipe or a device.
 fn lock_of(folder: &Path) -> Result<Lock> {
     refuse_lockless(folder)?;
     Lock::take(folder).map_err(|error| advised(error, WAIT))

@@ -63,8 +63,8 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("Exports: {} (T4, Kernel Tuner, CSV)", written.exports.display()))
 }
 
-/// Returns the folder in which the page is written without `--out`. Without `--out`, the journal of a folder of results
-/// cannot stand for the folder.
+/// Returns the folder in which the page is written without `--out`: the first folder of results. Returns an error if
+/// `first` is a file, such as the journal of a folder of results.
 fn usual_out(first: &Path) -> Result<&Path> {
     if existing::is_file(first)? { Err(no_results(first)) } else { Ok(first) }
 }

@@ -299,10 +299,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let experiment = config::load(&args.config, &args.set)?;
     let peak = peak_of_file(args)?;
     let out = folder_of_results(args, &experiment)?;
-    // raycl's signal handlers are installed before any driver starts, since PoCL's compiler installs signal handlers
-    // too. The handlers of PoCL's compiler pass a signal on to the handlers that were installed earlier, so raycl's
-    // handlers receive it. If PoCL's compiler installed its handlers first, raycl's handlers (crate
-    // signal-hook) would pass the signal on to the handlers of PoCL's compiler.
+    // From here on, Ctrl-C and SIGTERM only set a flag, so that the run can end in order. This process starts no
+    // driver: child processes list the devices and measure the points.
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;

@@ -148,7 +148,8 @@ impl Subject {
     ///
     /// # Errors
     ///
-    /// Fails if `--set` has an unknown key, or if a value of the scene or an axis is set twice.
+    /// Fails if a key of `--set` is the name of an option or resembles the name of an axis, or if a value of the scene
+    /// or an axis is set twice. Other unknown keys are found later, when the scene is loaded.
     fn overrides(&self) -> Result<Vec<Setting>> {
         self.set.iter().filter(|(key, _)| !is_axis(key)).try_for_each(|(key, text)| {
             refuse_option(key, text)?;

@@ -95,8 +95,8 @@ struct Report {
     timed_frames: usize,
     /// The median device time of the frames that `timed_frames` counts; null if `timed_frames` is 0.
     frame_ms: Option<f64>,
-    /// The number of primary and shadow rays of the frames that `timed_frames` counts, divided by the device
-    /// time of these frames; null if `timed_frames` is 0.
+    /// The number of primary and shadow rays of the frames that `timed_frames` counts, divided by the device time of
+    /// these frames; null if this time is 0.
     rays_per_s: Option<f64>,
     /// Notes from the last time that the scene was read, for example that a file could not be read.
     notes: Vec<String>,

@@ -66,9 +66,10 @@ struct Folder {
 }
 
 impl Watched {
-    /// Watches all files of `inputs` (the files that raycl has read), and the files in `folders` whose extension is in
-    /// `SOURCES`. If a folder's mode is recursive, the files in its subfolders are watched too. The files of `written`,
-    /// which the command itself writes, are not watched.
+    /// Watches all files of `inputs` (the files that raycl has read). In `folders`, and in the folders of the files
+    /// that raycl has read, also watches other files whose extension is in `SOURCES`. If a folder's mode is recursive,
+    /// the files in its subfolders are watched too. The files of `written`, which the command itself writes, are not
+    /// watched.
     pub fn new(
         folders: &[(PathBuf, RecursiveMode)],
         written: &[PathBuf],

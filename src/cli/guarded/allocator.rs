@@ -2,8 +2,8 @@
 
 /// The environment variable for settings of glibc's memory allocator. glibc reads the variable only when a process
 /// starts, so raycl sets it for the child process of `render` or `view`. If the user has set
-/// `GLIBC_TUNABLES`, raycl leaves the variable unchanged. glibc 2.35 and later obey the settings in this
-/// variable; older versions and other C libraries ignore the settings.
+/// `GLIBC_TUNABLES`, raycl leaves the variable unchanged. glibc 2.35 and later obey all settings of
+/// [`allocator_settings`]; older versions do not know `hugetlb`. Other C libraries ignore the variable.
 pub const ALLOCATOR: &str = "GLIBC_TUNABLES";
 
 /// Returns the value of [`ALLOCATOR`] for a machine with this number of processors.

@@ -24,8 +24,8 @@ pub struct Parent {
     /// process.
     terminal: Option<LentTerminal>,
     /// True while no child process runs the command. While `is_alone` is true, a signal in [`ENDING`] ends
-    /// this process at once. `None` if this process has no handlers of the signals in [`ENDING`]: such a
-    /// signal then ends this process at any time, and its child process ends with it.
+    /// this process at once. `None` if this process has no handlers of the signals in [`ENDING`]: such a signal then
+    /// ends this process at any time, and on Linux, its child process ends with it.
     is_alone: Option<Arc<AtomicBool>>,
 }
 

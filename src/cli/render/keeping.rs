@@ -1,7 +1,7 @@
 //! Prepares the next start of raycl in background processes with low priority. The command that casts the
-//! picture does not wait for the background processes. Every background process lists the devices. A
-//! background process may also store a program: one whose binary the driver takes long to return, or one that
-//! was not compiled in time for this picture.
+//! picture does not wait for the background processes. Every background process lists the devices, unless an up-to-date
+//! list is stored. A background process may also store a program: one whose binary the driver takes long to return, or
+//! one that was not compiled in time for this picture.
 
 use super::hurry::Later;
 use super::{Args, guess, hurry, turn};

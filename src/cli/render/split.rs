@@ -99,7 +99,8 @@ impl From<Share> for Row {
     }
 }
 
-/// Renders one picture on all devices that match `pattern`; each device casts a part of the picture.
+/// Renders one picture on the devices that match `pattern`; each device casts a part of the picture. Some of the
+/// devices may be left out ([`LeftOut`]).
 pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let start = Instant::now();
     let target = target(args);

@@ -11,8 +11,8 @@ use std::time::Instant;
 pub struct Part {
     /// The name of the part of the command's work, such as `load`.
     pub part: &'static str,
-    /// The part's duration by the wall clock. For the part with the name `start`, this is the part's
-    /// processor time (see [`Timeline::of_process`]).
+    /// The part's duration by the wall clock. In the part with the name `start`, the time before the timeline was made
+    /// is processor time (see [`Timeline::of_process`]).
     pub ms: f64,
 }
 

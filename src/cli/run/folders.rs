@@ -62,14 +62,14 @@ pub fn new_folder(name: &str) -> PathBuf {
     numbered_folders(name).find(|folder| !is_taken(folder)).unwrap_or_else(|| numbered_folder(name, 1))
 }
 
-/// Returns the path of a new folder: `results/NAME`, or `results/NAME-N` with the first number N after the
-/// highest number of an existing folder.
+/// Returns the path of a new folder: `results/NAME` or `results/NAME-N`. N is the first number, after the highest
+/// number of this config's folders, for which no file or folder exists.
 fn free_folder(name: &str) -> PathBuf {
     numbered_folders(name).find(|folder| !folder.exists()).unwrap_or_else(|| numbered_folder(name, 1))
 }
 
-/// Returns the paths of possible new folders for the config `name`, in ascending order. The numbers of the
-/// new folders are higher than the number of every existing folder.
+/// Returns the paths of possible new folders for the config `name`, in ascending order. The numbers of the new folders
+/// are higher than those of all existing folders of this config. A path may be in use by a folder of another config.
 fn numbered_folders(name: &str) -> impl Iterator<Item = PathBuf> {
     let first = latest_number(name).map_or(1, |number| number + 1);
     (first..).map(move |number| numbered_folder(name, number))

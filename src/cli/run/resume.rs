@@ -9,7 +9,8 @@ use crate::settings;
 use crate::words::{command_line, option, path_word};
 use std::path::Path;
 
-/// Returns `error`, with help that contains the command that continues the run.
+/// Returns `error`, with help that contains the command that continues the run. A mistake in the input is returned
+/// unchanged.
 pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     let command = resuming(args, out, &deciding_variables(&args.device));
     error.to_be_continued(format!("to continue from here: {command}"))

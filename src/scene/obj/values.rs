@@ -81,7 +81,8 @@ pub(super) fn colour(key: &str, rest: &[u8]) -> Result<[f32; 3], Unfit> {
 /// Returns true if a line has more values than raycl reads of `Kd`, `Ks`, `Ke` or `Ns`.
 pub(super) fn has_more(key: &[u8], rest: &[u8]) -> bool {
     let most = match key {
-        b"Kd" | b"Ks" | b"Ke" => 3,
+        _ if key.eq_ignore_ascii_case(b"Ke") => 3,
+        b"Kd" | b"Ks" => 3,
         b"Ns" => 1,
         _ => return false,
     };

@@ -144,8 +144,8 @@ fn writers_on(cores: usize, [width, height]: [u32; 2]) -> usize {
     (cores / CORES_OF_WRITER).min(few_pixels as usize).clamp(1, MOST_WRITERS)
 }
 
-/// The largest number of pixels in all pictures that are encoded at the same time; a pixel takes 3 bytes, or 16 if the
-/// background is transparent.
+/// The largest number of pixels in all pictures that are encoded at the same time, unless a single picture has more; a
+/// pixel takes 3 bytes, or 16 if the background is transparent.
 const MOST_PIXELS: u64 = 1 << 26;
 
 /// A guard that each writing thread owns: if the guard is dropped because its thread panics, the guard tells

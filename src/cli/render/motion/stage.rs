@@ -55,10 +55,9 @@ impl Stage<'_> {
         Ok((frame, times.frame_ms))
     }
 
-    /// Uploads the lights and the sky of `scene`, and returns the previous frame's program and buffers, which
-    /// `scene` uses again. Returns `None` before the first frame. If the program or the buffers do not suit
-    /// the scene, returns `None` and frees everything except the program, so that there is room for new
-    /// buffers.
+    /// Uploads the lights, the sky and the background of `scene`, and returns the previous frame's program and buffers,
+    /// which `scene` uses again. Returns `None` before the first frame. If the program or the buffers do not suit the
+    /// scene, returns `None` and frees everything except the program, so that there is room for new buffers.
     fn shown(&mut self, scene: &Arc<Scene>) -> Result<Option<Ready>, Refused> {
         let Some((mut prepared, caster)) = self.ready.take() else { return Ok(None) };
         if prepared.show(scene, &caster).map_err(Refused::at("the next frame"))? {
