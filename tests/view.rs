@@ -152,29 +152,28 @@ fn the_picture_gets_the_size_of_the_window() {
     assert_eq!(report["image_size"], serde_json::json!([60, 40]));
 }
 
-#[test]
-fn a_server_that_shares_no_memory_is_sent_the_pictures() {
+/// Checks that a view shows its picture on `display`, a display of `server`, without shared memory.
+fn is_sent_the_pictures(server: &Server, display: &str) {
     let folder = new_folder();
     let expected = rendered(&folder, &[]);
-    let server = Server::without_shared_memory(SIZE);
-    let child = start(&folder, &server, &["--samples", "1", "--json"]);
+    let [width, height] = SIZE.map(|side| side.to_string());
+    let mut command = view(&folder, &["--samples", "1", "--json", "--width", &width, "--height", &height]);
+    let child = command.env("DISPLAY", display).spawn().expect("it starts");
     server.until_shown("it shows the picture", |shown| differences(shown, &expected) == 0);
     assert!(server.shared_bytes().is_empty());
-    quit(child, &server);
+    quit(child, server);
+}
+
+#[test]
+fn a_server_that_shares_no_memory_is_sent_the_pictures() {
+    let server = Server::without_shared_memory(SIZE);
+    is_sent_the_pictures(&server, &server.display());
 }
 
 #[test]
 fn a_display_that_passes_no_files_is_sent_the_pictures() {
-    let folder = new_folder();
-    let expected = rendered(&folder, &[]);
     let server = Server::start(SIZE);
-    let display = server.forwarded();
-    let [width, height] = SIZE.map(|side| side.to_string());
-    let mut command = view(&folder, &["--samples", "1", "--json", "--width", &width, "--height", &height]);
-    let child = command.env("DISPLAY", display.display()).spawn().expect("it starts");
-    server.until_shown("it shows the picture", |shown| differences(shown, &expected) == 0);
-    assert!(server.shared_bytes().is_empty());
-    quit(child, &server);
+    is_sent_the_pictures(&server, &server.forwarded().display());
 }
 
 /// All samples are cast before the window is hidden, so only the lost picture is a reason to show the picture again.
