@@ -48,7 +48,9 @@ impl Caster {
         let shown = Shown::of(display);
         let show = |(bytes, pixels): (&mut [u8], &[Float4])| {
             let (mut hits, mut finite, mut convert) = (0, true, shown.converter());
-            for (bytes, pixel) in bytes.as_chunks_mut().0.iter_mut().zip(pixels) {
+            // A copy waits for many pixels from memory at once, the conversion only for a few.
+            let near = pixels.to_vec();
+            for (bytes, pixel) in bytes.as_chunks_mut().0.iter_mut().zip(&near) {
                 let radiance = [pixel[0], pixel[1], pixel[2]];
                 *bytes = convert(radiance);
                 finite &= radiance.iter().all(|channel| channel.is_finite());
