@@ -88,7 +88,7 @@ impl Target {
         let message = match path.symlink_metadata() {
             Ok(_) => format!("'{name}' is {what}, and is not replaced"),
             Err(_) => format!(
-                "'{name}' does not exist, but names {what}: a file written there would be taken for it"
+                "'{name}' is missing, but is {what}: later commands would read the file that is written there"
             ),
         };
         Err(Error::input(message).with_help(format!("`{}` writes elsewhere", self.choice.elsewhere)))
@@ -191,7 +191,7 @@ mod tests {
             target.check_unread("a file of the test", |path| path == read)
         };
         let why = [
-            "does not exist, but names a file of the test: a file written there would be taken for it",
+            "is missing, but is a file of the test: later commands would read the file that is written there",
             "is a file of the test, and is not replaced",
         ];
         for why in why {

@@ -73,9 +73,9 @@ for (const button of all("[data-scale]")) button.addEventListener("click", () =>
   all("[data-scale]").forEach((other) => other.setAttribute("aria-pressed", String(other === button)));
 });
 
-// Tables: a click on a heading sorts the rows; in a column of numbers, cells without a number come last. A filter shows
-// only the rows that contain all of the filter's words.
-const value = (cell) => { const text = cell.dataset.v ?? cell.textContent.trim(), number = parseFloat(text); return cell.classList.contains("num") ? (Number.isNaN(number) ? null : number) : text; };
+// Tables: a click on a heading sorts the rows; empty cells come last and, in a column of numbers, so do cells without a
+// number. A filter shows only the rows that contain all of the filter's words.
+const value = (cell) => { const text = cell.dataset.v ?? cell.textContent.trim(), number = parseFloat(text); return cell.classList.contains("num") ? (Number.isNaN(number) ? null : number) : text || null; };
 function sort(head, table) {
   const up = head.getAttribute("aria-sort") !== "ascending", index = [...head.parentElement.children].indexOf(head), body = table.tBodies[0];
   const keyed = [...body.rows].map((row) => [value(row.cells[index]), row]);
