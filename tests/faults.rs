@@ -318,6 +318,8 @@ fn a_signal_to_the_whole_process_group_ends_no_worker_before_its_run() {
             signal(name, worker);
             assert!(is_alive(worker), "{name:?}");
         }
+        // The program `timeout` signals its child process twice: alone, and as a member of its process group.
+        signal(name, run.id());
         signal(name, run.id());
         ground.let_go();
         let output = finish(run);

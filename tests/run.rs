@@ -229,6 +229,8 @@ fn a_dry_run_compiles_nothing_and_writes_nothing() {
     assert_eq!((&needs["local_bytes"], &needs["scratch_bytes"]), (&0.into(), &(36 * 20 * 108).into()));
     assert_eq!(points.count(), 3);
     assert_eq!(folder.output(&arguments(&device, &["--dry-run", "--quiet"])), "");
+    let refused = folder.mistake(&["run", "config.toml", "--out", "config.toml", "--dry-run"], 2);
+    has(&refused, &["'config.toml' is a file; a folder is needed here"]);
 }
 
 /// With the hidden option `--asleep`, workers only wait, so this test opens no device.

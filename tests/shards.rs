@@ -514,6 +514,10 @@ fn slurm_scripts_are_printed_and_none_submitted() {
         assert!(!said.contains("--exclusive"), "{said}");
     }
     assert!(!ground.folder.path("out").exists(), "nothing was written");
+    // No script is printed for a folder that the jobs would refuse.
+    let refused = |out: &str| ground.folder.mistake(&["run", "test.toml", "--out", out, "--sbatch", "4"], 2);
+    has(&refused("test.toml"), &["'test.toml' is a file; a folder is needed here"]);
+    has(&refused("."), &["'.' is not a folder of results: it contains"]);
 }
 
 /// In this test, functions of bash take the place of the command `sbatch`. The first job gets the number 7.

@@ -36,7 +36,7 @@ use crate::peak::{self, Peak};
 use crate::printer;
 use crate::program::Sources;
 use crate::record::journals::{IMAGES, RECORDS, SUMMARY};
-use crate::record::{Folder, Record, summary_terminal};
+use crate::record::{Folder, Record, refuse_closed, refuse_file, summary_terminal};
 use crate::report::Written;
 use crate::settings;
 use crate::shard::{Asked, ShardPlan};
@@ -277,6 +277,8 @@ fn folder_of_results(args: &Args, experiment: &Experiment) -> Result<PathBuf> {
     // run has just made it, and `new_folder` makes a folder of another name.
     if !takes_new_folder(args) {
         refuse_shards(&out)?;
+        refuse_file(&out)?;
+        refuse_closed(&out, shard::OTHER_FOLDER)?;
         refuse_other_folders(&out, choice(args), false)?;
     }
     Ok(out)

@@ -132,7 +132,7 @@ impl ShardPlan {
         self.blocks.iter().find(|block| block.points.contains(&point))
     }
 
-    fn checked(self, wanted: &Header, out: &Path) -> Result<Self> {
+    pub fn checked(self, wanted: &Header, out: &Path) -> Result<Self> {
         let stored = &self.header;
         let count = |header: &Header| header.shards.to_string();
         let differs = [

@@ -42,9 +42,10 @@ pub fn number<T: FromStr>(what: &'static str) -> impl Fn(&str) -> std::result::R
 
 /// Parses a positive number of seconds.
 pub fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
-    let seconds = text.parse().ok().filter(|seconds| *seconds > 0.0);
-    let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    duration.ok_or_else(|| format!("'{text}' is not a positive number of seconds"))
+    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && seconds.is_finite());
+    let seconds = seconds.ok_or_else(|| format!("'{text}' is not a positive number of seconds"))?;
+    Duration::try_from_secs_f64(seconds)
+        .map_err(|_| format!("{text} s are too long; expected at most {:.1e} s", Duration::MAX.as_secs_f64()))
 }
 
 /// Splits `KEY=VALUE` at the first `=`. Returns the key and the value, without the spaces around them.
@@ -97,6 +98,8 @@ mod tests {
     fn a_time_limit_is_a_positive_number_of_seconds() {
         assert_eq!(parse_seconds("0.25"), Ok(Duration::from_millis(250)));
         assert_eq!(parse_seconds("90"), Ok(Duration::from_secs(90)));
+        let too_long = parse_seconds("1e300").expect_err("it is too long");
+        assert_eq!(too_long, "1e300 s are too long; expected at most 1.8e19 s");
         for wrong in ["0", "-1", "", "1s", "nan", "inf"] {
             let message = parse_seconds(wrong).expect_err("it is no time");
             assert!(message.contains(&format!("'{wrong}'")), "{message}");

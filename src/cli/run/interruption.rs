@@ -3,42 +3,67 @@
 use crate::error::{Error, Result};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
+use signal_hook::iterator::Signals;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::thread::{Builder, sleep};
+use std::time::Duration;
 
 /// The exit code of raycl if a second SIGINT (Ctrl-C) or SIGTERM ends it.
 const INTERRUPTED: i32 = 130;
+/// A signal counts as a second one only if it arrives at least this time after the first. The program `timeout` sends
+/// its signal twice within microseconds: to its child process, and to the process group of this child.
+const APART: Duration = Duration::from_millis(300);
 
-/// The flag that a signal sets, and that all runs of this process share. If each run had a flag of its own, a
+/// The flags that signals set, and that all runs of this process share. If each run had flags of its own, a
 /// signal between two runs of `raycl reproduce` would set only the flags of finished runs. Nobody would read
 /// these flags any more.
-static FLAG: OnceLock<std::io::Result<Arc<AtomicBool>>> = OnceLock::new();
+static FLAGS: OnceLock<std::io::Result<Flags>> = OnceLock::new();
 
-/// Returns the flag that the first SIGINT or SIGTERM sets; a second signal ends the process at once.
-pub fn interrupt_flag() -> Result<Arc<AtomicBool>> {
-    let known = FLAG.get_or_init(registered).as_ref().cloned();
-    known.map_err(|error| Error::fault(format!("raycl cannot handle Ctrl-C: {error}")))
+struct Flags {
+    /// True after the first signal.
+    interrupted: Arc<AtomicBool>,
+    /// True if the next signal ends the process at once.
+    ends_at_once: Arc<AtomicBool>,
 }
 
-/// Clears the flag that a signal has set, so that a program that continues after an interrupted run can start
+/// Returns the flag that the first SIGINT or SIGTERM sets; a second signal, at least `APART` later, ends the process at
+/// once.
+pub fn interrupt_flag() -> Result<Arc<AtomicBool>> {
+    let known = FLAGS.get_or_init(registered).as_ref();
+    known
+        .map(|flags| Arc::clone(&flags.interrupted))
+        .map_err(|error| Error::fault(format!("raycl cannot handle Ctrl-C: {error}")))
+}
+
+/// Clears the flags that a signal has set, so that a program that continues after an interrupted run can start
 /// another run.
 pub fn forget_interruption() {
-    if let Some(Ok(interrupted)) = FLAG.get() {
+    if let Some(Ok(Flags { interrupted, ends_at_once })) = FLAGS.get() {
         interrupted.store(false, Ordering::Relaxed);
+        ends_at_once.store(false, Ordering::Relaxed);
     }
 }
 
-/// Returns a new flag. Installs handlers for SIGINT and SIGTERM: the first signal sets the flag, and the
-/// second ends raycl.
-fn registered() -> std::io::Result<Arc<AtomicBool>> {
-    let interrupted = Arc::new(AtomicBool::new(false));
+/// Returns new flags. Installs handlers for SIGINT and SIGTERM: the first signal sets the flag
+/// `interrupted`, and the second ends raycl. A thread waits for the first signal, and then for the time `APART`.
+fn registered() -> std::io::Result<Flags> {
+    let [interrupted, ends_at_once] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
     for signal in [SIGINT, SIGTERM] {
-        // The order of the two calls matters: on a signal, the handler registered first ends raycl if the flag is
-        // already set; the handler registered second then sets the flag.
-        flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&interrupted))?;
+        flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&ends_at_once))?;
         flag::register(signal, Arc::clone(&interrupted))?;
     }
-    Ok(interrupted)
+    let mut signals = Signals::new([SIGINT, SIGTERM])?;
+    let [is_set, next_ends] = [&interrupted, &ends_at_once].map(Arc::clone);
+    let wait = move || {
+        for _ in signals.forever() {
+            sleep(APART);
+            // If the flag was cleared meanwhile, the next signal is a first one again.
+            next_ends.store(is_set.load(Ordering::Relaxed), Ordering::Relaxed);
+        }
+    };
+    Builder::new().name("signals".to_owned()).spawn(wait)?;
+    Ok(Flags { interrupted, ends_at_once })
 }
 
 #[cfg(test)]

@@ -44,6 +44,8 @@ fn resuming(args: &Args, out: &Path, variables: &[Setting]) -> String {
     words.extend(args.no_wait.then(|| "--no-wait".to_owned()));
     words.extend(args.spread.then(|| "--spread".to_owned()));
     words.extend(args.retry_failed.then(|| "--retry-failed".to_owned()));
+    // Before the first record, a folder with other files is accepted only with `--force`.
+    words.extend(args.force.then(|| "--force".to_owned()));
     if let Some(percent) = args.fail_on_regression {
         words.extend(["--fail-on-regression".to_owned(), percent.to_string()]);
     }
@@ -95,11 +97,12 @@ mod tests {
             "--hang-limit",
             "2.5",
             "--spread",
+            "--force",
         ]);
         assert_eq!(
             plain(&all, Path::new("results/a")),
             "raycl run 'configs/my config.toml' --out results/a --device nvidia --device pocl --set timing.seed=3 \
-             --cl-dir kernels --hang-limit 2.5 --spread --resume"
+             --cl-dir kernels --hang-limit 2.5 --spread --force --resume"
         );
         let usual = plain(&args(&["a.toml", "--hang-limit", "600"]), Path::new("b"));
         assert_eq!(usual, "raycl run a.toml --out b --resume");

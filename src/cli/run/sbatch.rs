@@ -8,6 +8,7 @@ use crate::device::{DeviceInfo, DeviceKind};
 use crate::device_lock::Locks;
 use crate::error::Result;
 use crate::experiment::{Past, asleep, distinct_scenes};
+use crate::record::refuse_file;
 use crate::shard::{Header, ShardPlan, Wishes, scripts};
 use crate::words::{option, path_word};
 use std::path::Path;
@@ -30,6 +31,10 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
     let run = super::run_of(args, &experiment, &infos, &sources, &locks)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, false));
     named_in_text([&out])?;
+    refuse_file(&out)?;
+    shard::refuse_others(&out, args.force)?;
+    let header = shard::header(&experiment, &sources[0], shards);
+    ShardPlan::read(&out)?.map(|plan| plan.checked(&header, &out)).transpose()?;
     let plan = shard::make(&run, Header { shards, ..Header::default() }, &out)?;
     let expected = super::foreseen(&run, &out, &Past::default())?;
     let wishes = Wishes {

@@ -26,6 +26,9 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
+/// The advice if raycl cannot write into a folder.
+pub const OTHER_FOLDER: &str = "choose another folder with --out DIR";
+
 /// Measures one shard in a folder of its own.
 pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let shard = asked.resolve(&|name| std::env::var(name).ok())?;
@@ -39,7 +42,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let experiment = distinct_scenes(experiment)?;
     let header = header(&experiment, &sources[0], shard.of);
     refuse_others(&out, args.force)?;
-    refuse_closed(&out, "choose another folder with --out DIR")?;
+    refuse_closed(&out, OTHER_FOLDER)?;
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
@@ -55,7 +58,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
 /// Returns an error for a folder with files that raycl did not make, unless `force` is true. Also returns an
 /// error for the folder of a run without shards, because `raycl merge` writes files with the same names.
 /// Accepts a folder of shards.
-fn refuse_others(out: &Path, force: bool) -> Result<()> {
+pub fn refuse_others(out: &Path, force: bool) -> Result<()> {
     let refused = match existing::exists(&out.join(RECORDS))? {
         true => Err(Error::input(format!("{} holds the results of a run without shards", out.display()))
             .with_help("choose another folder with --out")),
@@ -70,7 +73,7 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
 /// Returns the header for the plan of the shards, for the case that this process makes the plan. The
 /// processes of all shards must agree on the header's number of shards, the hash of the config, the scenes
 /// and the kernels.
-fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Header {
+pub fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Header {
     Header {
         shards,
         config: experiment.path.display().to_string(),
