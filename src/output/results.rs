@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::existing;
 use crate::record::TEMPORARY_PREFIX;
 use crate::record::journals::{
-    ANCHORS, ENVIRONMENT, IMAGES, LAUNCHES, RECORDS, ROUNDS, SAMPLES, is_earlier_environment,
+    ANCHORS, ENVIRONMENT, IMAGES, LAUNCHES, RECORDS, ROUNDS, SAMPLES, SUMMARY, is_earlier_environment,
 };
 use std::path::Path;
 
@@ -27,6 +27,9 @@ pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Resul
         return Ok(());
     }
     let Some(other) = entries.iter().find(|entry| !is_begun(entry)) else { return Ok(()) };
+    if [SAMPLES, SUMMARY].iter().all(|name| entries.iter().any(|entry| entry.ends_with(name))) {
+        return Err(without_records(folder, choice));
+    }
     let what = match other.join(RECORDS).is_file() {
         true => "which is a folder of results itself",
         false => "which raycl did not make",
@@ -38,6 +41,16 @@ pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Resul
     );
     let help = format!("`--force` writes into the folder anyway; `{}` writes elsewhere", choice.elsewhere);
     Err(Error::input(message).with_help(help))
+}
+
+/// Returns the error for a folder whose records were deleted, or not copied with its samples.
+fn without_records(folder: &Path, choice: Choice) -> Error {
+    let message = format!("'{}' has {SAMPLES} and {SUMMARY}, but no {RECORDS}", folder.display());
+    Error::input(message).with_help(format!(
+        "copy {RECORDS} into the folder; `raycl run` with `--resume --force` makes it again from the samples; `{}` \
+         writes elsewhere",
+        choice.elsewhere
+    ))
 }
 
 /// Returns true if `path` is one of the files that a run may write before its first record. For a folder
@@ -82,6 +95,20 @@ mod tests {
         assert!(refuse_other_folders(&out, Choice { force: true, ..KEEP }, false).is_ok());
         std::fs::write(out.join("records.jsonl"), "").unwrap();
         assert!(!refused(false), "results");
+    }
+
+    #[test]
+    fn results_whose_records_are_missing_are_called_so() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["samples.jsonl", "summary.md"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        let error = refuse_other_folders(folder.path(), KEEP, false).unwrap_err();
+        assert!(
+            error.to_string().ends_with("has samples.jsonl and summary.md, but no records.jsonl"),
+            "{error}"
+        );
+        assert!(error.remedy().contains("`--resume --force` makes it again"), "{}", error.remedy());
     }
 
     #[test]
