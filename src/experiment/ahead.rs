@@ -251,9 +251,9 @@ impl Ahead {
             while let Some(order) = self.next(number) {
                 is_tight |= order.room.scenes < PLENTY * count;
                 let mut built = usual.build(&order, patience);
-                // If `lacks_log` is set, the driver took the program from the driver's own cache, and no
-                // compiler printed the program's number of registers. A process that does not use the
-                // driver's cache then compiles the program again.
+                // If `lacks_log` is set, no compiler printed the program's number of registers, probably because
+                // the driver took the program from its own cache. A process that does not use the driver's cache
+                // then compiles the program again.
                 if built.as_ref().is_some_and(|built| built.lacks_log) {
                     built = without_driver_cache.build(&order, patience);
                 }

@@ -146,8 +146,8 @@ pub struct Built {
     /// The key under which the cache stores the program; `None` if the program could not be stored.
     pub key: Option<String>,
     /// True if the program could not be stored because its number of registers is unknown. The number is
-    /// unknown if the driver took the program from its own cache, and therefore printed no number of
-    /// registers.
+    /// unknown if the compiler printed nothing, probably because the driver took the program from its own
+    /// cache.
     pub lacks_log: bool,
 }
 

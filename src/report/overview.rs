@@ -45,7 +45,7 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks, origins: &Origins<'_>) -> Vec
             diagonal: false,
             series,
         };
-        let caption = "Each strategy is shown at the local size at which it is fastest. Lower marks are faster. The baselines on the host are included.";
+        let caption = "Each strategy is shown at the local size at which it is fastest. Lower marks are faster. Baselines on the host are included, if there are any.";
         Some(Plot::of(numbered("scenes", index), caption, &chart))
     };
     devices(groups).into_iter().enumerate().filter_map(plot).collect()

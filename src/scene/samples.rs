@@ -146,7 +146,7 @@ impl SampleCounts {
         (0..height).map(row).sum::<u64>() as f64 / (f64::from(width) * f64::from(height)).max(1.0)
     }
 
-    /// Returns true if every block has either the first or the largest number of samples of `sampling`.
+    /// Returns true if the pixels of every block got either `sampling.first` or `sampling.most` samples.
     pub fn are_of(&self, sampling: &Sampling) -> bool {
         self.of_block.iter().all(|count| [sampling.first, sampling.most].contains(count))
     }

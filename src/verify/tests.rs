@@ -99,7 +99,7 @@ fn an_image_with_hardly_any_certain_pixels_is_hardly_verified() {
     let doubts_of_hits = reference.doubts.iter_mut().filter(|doubt| doubt.hit);
     doubts_of_hits.take(hits / 2).for_each(|doubt| doubt.nearly_certain = true);
     assert_eq!(reference.uncertain_hits(), hits - hits / 2);
-    // An image counts as verified if one in ten of the pixels that hit something is certain.
+    // An image counts as verified if at least one in ten of the pixels that hit something is certain or nearly certain.
     assert_eq!(hardly_verified([0, 100], [90, 100]), None);
     assert!(hardly_verified([0, 100], [91, 100]).is_some());
 }
