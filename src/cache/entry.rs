@@ -28,8 +28,8 @@ pub fn sealed(key: &str, content: &[u8]) -> Vec<u8> {
     [MARK, blake3::hash(&rest).as_bytes(), &rest].concat()
 }
 
-/// Returns the content of a cache entry's file; `None` if the entry has another key, or if the hash in the
-/// file does not match the bytes after it.
+/// Returns the content of a cache entry's file. Returns `None` if the file does not begin with `MARK` or is too
+/// short, if the hash in the file does not match the bytes after it, or if the entry has another key.
 pub fn opened(mut file: Vec<u8>, key: &str) -> Option<Vec<u8>> {
     let rest = file.strip_prefix(MARK)?;
     let (hash, rest) = rest.split_at_checked(HASH_BYTES)?;

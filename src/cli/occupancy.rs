@@ -48,8 +48,8 @@ pub struct Args {
     /// For each local size, print three numbers of threads per multiprocessor. The first number is the
     /// prediction in Figure 5 of the student paper whose experiments raycl repeats. The second number is what
     /// the paper's 63 registers per work-item allow. For the third number, each work-item also needs the 108 B
-    /// of __local memory of the paper's optimisation 1. With --paper, no options but --local-sizes and --json
-    /// can be given
+    /// of __local memory of the paper's optimisation 1. With --paper, only --local-sizes, --json and
+    /// --color can be given
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table; with --results, one object per point

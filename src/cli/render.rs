@@ -316,10 +316,10 @@ fn undisplayed(args: &Args, sampling: Sampling) -> Option<String> {
     let (options, target) = (args.subject.display_options(), target(args));
     let is_useless = holds_radiance(target.path()) && !sampling.is_adaptive();
     (is_useless && !options.is_empty()).then(|| {
-        let change = if options.len() == 1 { "changes" } else { "change" };
+        let change = if options.len() == 1 { "does not change" } else { "do not change" };
         let (options, name) = (options.join(" and "), target.path().display());
         format!(
-            "{options} {change} no surface in '{name}': the file contains radiance; a .png or .jpg contains displayed colours"
+            "{options} {change} the values of surfaces in '{name}': the file contains radiance; a .png or .jpg contains displayed colours"
         )
     })
 }
@@ -399,8 +399,8 @@ fn may_replace(args: &Args, frames: u32) -> bool {
 /// Loads the scene. If the scene is animated and `--animate` is not given, loads its first frame; if there are further
 /// frames, a note says so. For a still picture, fails if a file of the picture is a file of the scene. If the command
 /// may replace a file, also finds the image files (such as textures) that only later frames of the scene use, so that
-/// none of them is replaced. If the command replaces nothing, raycl does not look for the image files of later frames,
-/// since these files may be large.
+/// none of them is replaced. If the command replaces nothing, raycl does not search for these image files, since the
+/// search reads the meshes and pictures of later frames, which may be large.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
     if let Some(animation) = &mut loaded.animation
@@ -633,11 +633,13 @@ mod tests {
             undisplayed(&args(&[&["a.toml"], more].concat()), sampling).unwrap_or_default()
         };
         let both = ["-o", "b.exr", "--exposure", "8", "--tone", "filmic"];
-        let start =
-            "--exposure 8 and --tone filmic change no surface in 'b.exr': the file contains radiance;";
+        let start = "--exposure 8 and --tone filmic do not change the values of surfaces in 'b.exr': the file contains radiance;";
         assert!(of(&both, Sampling::ONE).starts_with(start), "{}", of(&both, Sampling::ONE));
         let set = of(&["-o", "b.HDR", "--set", "display.gamma=1"], Sampling::all(4));
-        assert!(set.starts_with("--set display.gamma=1 changes no surface in 'b.HDR'"), "{set}");
+        assert!(
+            set.starts_with("--set display.gamma=1 does not change the values of surfaces in 'b.HDR'"),
+            "{set}"
+        );
         assert_eq!(of(&both, Sampling::adaptive(16)), "");
         assert_eq!(of(&["-o", "b.exr", "--background", "#204060"], Sampling::ONE), "");
         for name in ["b.png", "b.jpg", "b.apng", "-"] {

@@ -224,7 +224,7 @@ impl DeviceInfo {
     }
 
     /// Returns a text that names what, besides its source and options, may affect the compiled code of a program: the
-    /// device, its driver, and the driver's variables that affect compiled code.
+    /// device, its driver, and the driver's variables, except those that certainly do not affect compiled code.
     pub fn compiler(&self) -> String {
         let settings = self.settings.iter().filter(|setting| variables::compiles(setting)).cloned();
         std::iter::once(self.model()).chain(settings).collect::<Vec<_>>().join(" | ")

@@ -166,7 +166,8 @@ fn hold(name: &str, header: &Header) -> Result<()> {
     let (vertices, faces) = (count("vertex"), count("face").saturating_add(count("tristrips")));
     let face_bytes = FACE_BYTES + if use_face_colours(header) { FACE_COLOUR_BYTES } else { 0 };
     let bytes = VERTEX_BYTES.saturating_mul(vertices).saturating_add(face_bytes.saturating_mul(faces));
-    let mut sum = format!("{VERTEX_BYTES} B x {vertices} vertices + {face_bytes} B x {faces} faces or strips");
+    let mut sum =
+        format!("{VERTEX_BYTES} B x {vertices} vertices + {face_bytes} B x {faces} faces or strips");
     let are_coloured = ["vertex", "face"].into_iter().any(|element| have_colours(header, element));
     let colours = if are_coloured { faces.min(MAX_COLOURS) } else { 0 };
     if colours > 0 {

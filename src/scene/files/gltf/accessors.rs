@@ -44,7 +44,7 @@ impl StridedView<'_> {
     }
 
     /// Converts the bytes of one component to a number. If the accessor is normalised, a whole number becomes
-    /// a number from 0 to 1 or from -1 to 1 (glTF 2.0, 3.6.2.2).
+    /// a number from 0 to 1 or from -1 to 1 (glTF 2.0, 3.11).
     fn component(&self, bytes: &[u8]) -> f64 {
         let two = || [bytes[0], bytes[1]];
         let four = || [bytes[0], bytes[1], bytes[2], bytes[3]];

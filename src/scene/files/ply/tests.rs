@@ -294,7 +294,7 @@ fn what_a_header_needs_is_held_against_the_memory() {
     let message = hold("a.ply", &header).unwrap_err().to_string();
     let face = FACE_BYTES + FACE_COLOUR_BYTES;
     assert!(
-        message.contains(&format!(" + {face} B x 1000 faces + {COLOUR_BYTES} B x 1000 colours")),
+        message.contains(&format!(" + {face} B x 1000 faces or strips + {COLOUR_BYTES} B x 1000 colours")),
         "{message}"
     );
     // Each face may have a different colour, so the number of colours is the number of faces. The number of

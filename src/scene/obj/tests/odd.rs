@@ -73,7 +73,7 @@ fn a_mesh_far_from_its_origin_keeps_its_placement_beside_vertices_that_are_not_v
 }
 
 #[test]
-fn vertices_of_two_numbers_lie_in_a_plane_beside_a_vertex_that_is_not_valid() {
+fn vertices_of_two_numbers_get_z_0_even_if_another_vertex_is_not_valid() {
     let file = read("v 0 0\nv 1 0\nv 0 1\nv nan 1\nv 1 2 x\nf 1 2 3\n").unwrap();
     assert_eq!(file.mesh.corners(&file.mesh.triangles[0]), [Vec3::ZERO, Vec3::X, Vec3::Y]);
     assert_eq!(file.notes[0], "3 vertices with two numbers each: z is 0");
