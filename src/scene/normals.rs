@@ -314,6 +314,11 @@ mod tests {
                 assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [eye; 3], "{corners:?}");
             }
         }
+        // The eye is behind the triangle, but on the same side of the origin.
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|corner| corner + 5.0 * Vec3::Z);
+        let mut mesh = triangle(corners, vec![Vec3::Z], [0; 3]);
+        turn_towards(&mut mesh, 3.0 * Vec3::Z);
+        assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::NEG_Z; 3]);
     }
 
     #[test]

@@ -315,6 +315,7 @@ mod tests {
             (DVec3::Y, 90.0, Vec3::NEG_X),
             (DVec3::Z, 0.0, Vec3::Y),
             (DVec3::Z, 90.0, Vec3::NEG_X),
+            (DVec3::NEG_Z, 0.0, Vec3::Y),
             (DVec3::new(0.0, half, half), 0.0, Vec3::new(0.0, half as f32, -half as f32)),
         ] {
             let middle = SkyPicture::middle(up, turn_degrees);

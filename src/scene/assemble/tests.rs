@@ -128,6 +128,10 @@ fn a_sky_replaces_the_lights_of_a_bare_mesh() {
     let zenith = ("sky.zenith".to_owned(), Value::Float(0.5));
     let scene = load_scene_with(&path, &[zenith]).unwrap().scene;
     assert!(scene.lights.is_empty() && scene.sky.is_some(), "{:?}", scene.lights);
+    let shot = Shot { dressed: true, ..Shot::SQUARE };
+    let loaded = load_scene_for(&path, &[Setting::new("sky.zenith", Value::Float(0.5))], shot).unwrap();
+    assert!(!loaded.dressed && loaded.scene.lights.is_empty(), "{:?}", loaded.scene.lights);
+    assert_eq!(loaded.scene.mesh.triangles.len(), 1, "no ground was added");
 }
 
 #[test]
@@ -495,6 +499,7 @@ fn the_shadow_bias_exceeds_the_rounding_of_coordinates_unless_the_scene_moves_to
         (-30.0, -30.0, usual),
         (-50_000.0, -50_000.0, usual),
         (0.0, 100_000.0, far(100_000.0)),
+        (0.0, -100_000.0, far(100_000.0)),
         (-50_000.0, 100_000.0, far(149_999.0)),
     ] {
         assert_eq!(bias(surface, eye), expected, "{surface}, {eye}");
@@ -743,6 +748,7 @@ fn a_sky_without_a_horizon_has_one_colour() {
     };
     let plain = sky(&[("sky.zenith", 0.5)]);
     assert_eq!((plain.zenith, plain.horizon), (Vec3::splat(0.5), Vec3::splat(0.5)));
+    assert_eq!(plain.reach, f32::MAX, "occluders at every distance");
     let graded = sky(&[("sky.zenith", 0.5), ("sky.horizon", 0.25)]);
     assert_eq!((graded.zenith, graded.horizon), (Vec3::splat(0.5), Vec3::splat(0.25)));
 }
@@ -1003,12 +1009,28 @@ fn faces_and_normals_that_do_not_fit_are_reported() {
             "an object is one of: mesh = \"FILE\", shape = \"NAME\", vertices and faces",
         ),
         ("faces = [[0, 1, 2]]\nseed = 3", "`seed` without `shape`"),
+        ("faces = [[0, 1, 2]]\ntriangles = 3", "`triangles` without `shape`"),
+        ("faces = [[0, 1, 2]]\nfineness = 3", "`fineness` without `shape`"),
+        ("faces = [[0, 1, 2]]\noutside_materials = true", "`outside_materials` without `mesh`"),
     ] {
         assert_eq!(load(keys).unwrap_err().to_string(), message, "{keys}");
     }
     let normals = "normals = [[0, 0, 1], [1, 0, 0]]\nface_normals = [[0, 1, 0]]";
     let mesh = load(&format!("faces = [[0, 1, 2]]\n{normals}")).unwrap().scene.mesh;
     assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::Z, Vec3::X, Vec3::Z]);
+}
+
+#[test]
+fn a_shape_has_no_keys_of_vertices() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    for (key, value) in
+        [("normals", "[[0, 0, 1]]"), ("face_normals", "[[0, 0, 0]]"), ("faces", "[[0, 1, 2]]")]
+    {
+        std::fs::write(&path, format!("[[object]]\nshape = \"sphere\"\n{key} = {value}\n")).unwrap();
+        let message = load_scene_with(&path, &[]).unwrap_err().to_string();
+        assert_eq!(message, format!("`{key}` without `vertices`"));
+    }
 }
 
 #[test]

@@ -273,6 +273,27 @@ fn the_key_light_is_to_the_viewers_upper_left_and_the_fill_light_to_the_right() 
     for light in towards(Ball { opening: Some(DVec3::Z), ..ball }) {
         assert!(light.normalize().z > 0.9, "{light}");
     }
+    for opening in [None, Some(DVec3::Z)] {
+        let [key, fill] = lights(&camera, Ball { opening, ..ball })[..] else { panic!("two lights") };
+        assert!((fill.power.x / key.power.x - 0.3).abs() < 1e-6, "{opening:?}");
+    }
+}
+
+#[test]
+fn a_position_that_no_triangle_uses_does_not_move_the_camera() {
+    let mesh = block(Vec3::ONE, Vec3::new(3.0, 4.0, 5.0));
+    let mut other = mesh.clone();
+    other.positions.push(Vec3::new(100.0, 0.0, 0.0));
+    let seen = |mesh: &Mesh| camera(mesh, Ball::around(mesh, DVec3::Y), &three_quarter(1.0));
+    assert_eq!(seen(&other).position, seen(&mesh).position);
+}
+
+#[test]
+fn a_room_may_have_a_wall_that_leans_a_little() {
+    let mut room = sides_of_box(Vec3::ZERO, Vec3::new(3.0, 2.0, 4.0), [-1, -1, -1, -1, -1, 0]);
+    let upper_left = room.positions.iter_mut().filter(|p| p.x == 0.0 && p.y == 2.0);
+    upper_left.for_each(|corner| corner.x = 0.1);
+    assert_eq!(Ball::around(&room, DVec3::Y).opening, Some(DVec3::Z));
 }
 
 #[test]

@@ -197,6 +197,27 @@ mod tests {
     }
 
     #[test]
+    fn the_tip_of_a_cone_is_round_although_many_faces_meet_there() {
+        // The cone's side slopes by 60 degrees. The normals of opposite faces differ by 120 degrees, those of
+        // neighbours by 10.
+        let sides = 32_u32;
+        let ring = (0..sides).map(|number| {
+            let (sin, cos) = (TAU * f64::from(number) / f64::from(sides)).sin_cos();
+            (DVec3::new(cos, 0.0, sin) / 3.0_f64.sqrt()).as_vec3()
+        });
+        let positions = std::iter::once(Vec3::Y).chain(ring).collect();
+        let mut cone = bare(positions, (0..sides).map(|number| [0, 1 + (number + 1) % sides, 1 + number]));
+        complete(&mut cone, Some(40.0));
+        for triangle in &cone.triangles {
+            let [a, b, c] = cone.corners(triangle);
+            let face = (b - a).cross(c - a).normalize();
+            let at_tip = cone.corner_normals(triangle)[0];
+            // The mean of all faces within 40 degrees is steeper than each of them.
+            assert!((0.03..0.3).contains(&at_tip.distance(face)), "{at_tip} {face}");
+        }
+    }
+
+    #[test]
     fn a_smooth_ball_keeps_its_bits() {
         let mut smooth = generate(&Shape::Sphere { triangles: 1000 });
         smooth.normals.clear();
