@@ -97,6 +97,8 @@ mod tests {
             "--hang-limit",
             "2.5",
             "--spread",
+            "--out",
+            "results/a",
             "--force",
         ]);
         assert_eq!(

@@ -67,7 +67,8 @@ fn texels(
         let message = format!("the sky's picture `{}` {why}", path.display());
         let error = document.error(file.span(), message, "here");
         if path.is_file() {
-            return error;
+            return error
+                .with_help("expected a Radiance HDR (RGBE, -Y +X) or an OpenEXR; convert the picture");
         }
         let meant = nearest_file(&path);
         let meant = meant.map(|meant| format!("did you mean `{}`? ", meant.display())).unwrap_or_default();

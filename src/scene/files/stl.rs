@@ -14,6 +14,8 @@ use crate::scene::obj::{Asked, Wish, decimal, quoted, split_lines};
 use crate::words::{counted, counted_are};
 use glam::DVec3;
 
+/// The remedy for facets that are not triangles.
+const DIVIDE: &str = "divide the faces into triangles, and export the file again";
 /// Number of bytes before the triangles of a binary file.
 const HEADER_BYTES: usize = 84;
 /// Number of bytes of a triangle: a normal, three corners and two further bytes.
@@ -177,7 +179,9 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
         if is(word, "vertex") {
             corners.push(vertex(line, &mut words)?);
         } else if is(word, "endfacet") && corners.len() - before != 3 {
-            return Err(Flaw::from("a facet without exactly three vertices").at(line));
+            let flaw = Flaw::from("a facet without exactly three vertices").at(line);
+            let has_more = corners.len() - before > 3;
+            return Err(if has_more { flaw.with_remedy(DIVIDE) } else { flaw });
         } else if is(word, "facet") || is(word, "endfacet") {
             (is_in_facet, before) = (is(word, "facet") && !ends, corners.len());
         } else if is(word, "solid") || is(word, "endsolid") {
@@ -382,6 +386,16 @@ mod tests {
             let error = parse("a.stl", TWO.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
             assert!(error.contains(message), "{error}");
         }
+    }
+
+    #[test]
+    fn a_facet_with_more_than_three_corners_is_not_called_damaged() {
+        let remedy = |with: &str| {
+            let text = TWO.replacen("vertex 0 1 0\n", with, 1);
+            parse("a.stl", text.as_bytes()).err().unwrap().remedy().to_owned()
+        };
+        assert_eq!(remedy("vertex 0 1 0\nvertex 1 1 0\n"), DIVIDE);
+        assert_ne!(remedy(""), DIVIDE);
     }
 
     #[test]

@@ -290,9 +290,17 @@ pub(super) fn possible_names(text: &str) -> [&str; 3] {
     [text, certain, if shortest.is_empty() { certain } else { shortest }]
 }
 
-/// Returns the paths that a text may mean, in the order in which they are looked up: the [`possible_names`],
-/// and then each of these names without its folders. Many files contain paths from their authors' disks.
+/// Returns the paths that a text may mean, in the order in which they are looked up: the paths of the text as it is
+/// and, if the text begins with a name in double quotes, the paths of this name. Some programs write such quotes.
 pub(super) fn possible_paths(text: &str) -> impl Iterator<Item = &str> {
+    let quoted = text.trim_ascii_start().strip_prefix('"').and_then(|rest| rest.split_once('"'));
+    let name = quoted.map(|(name, _)| name).filter(|name| !name.is_empty());
+    unquoted_paths(text).chain(name.into_iter().flat_map(unquoted_paths))
+}
+
+/// Returns the paths that a text without quotes may mean: the [`possible_names`], and then each of these names without
+/// its folders. Many files contain paths from their authors' disks.
+fn unquoted_paths(text: &str) -> impl Iterator<Item = &str> {
     let names = possible_names(text);
     // Only slashes in the shortest of the three names separate folders: the longer names may contain a
     // comment, and a comment may contain slashes, too.
@@ -441,6 +449,16 @@ mod tests {
                 let words: Vec<_> = tokens(line.as_bytes()).map(number).collect();
                 prop_assert_eq!(words, vector.map(Some));
             }
+        }
+    }
+
+    #[test]
+    fn quotes_around_a_name_may_belong_to_it_or_not() {
+        let paths: Vec<&str> = possible_paths("\"C:\\x\\a b.png\" # wood").collect();
+        assert_eq!(paths[0], "\"C:\\x\\a b.png\" # wood");
+        assert!(["C:\\x\\a b.png", "a b.png"].iter().all(|name| paths.contains(name)), "{paths:?}");
+        for text in ["a b.png", "\"a.png", "\"\""] {
+            assert_eq!(possible_paths(text).collect::<Vec<_>>(), unquoted_paths(text).collect::<Vec<_>>());
         }
     }
 
