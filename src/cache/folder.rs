@@ -20,7 +20,8 @@ pub fn limit_bytes() -> u64 {
     limit_of(std::env::var_os(LIMIT).as_deref()).unwrap_or(DEFAULT_LIMIT_MIB << 20)
 }
 
-/// Returns an input error if the environment variable that limits the cache's size is not a whole number of MiB.
+/// Returns an input error if the environment variable that limits the cache's size is set and not blank, but is not a
+/// whole number of MiB below 2^64.
 pub fn check_limit() -> Result<()> {
     limit_of(std::env::var_os(LIMIT).as_deref()).map(|_| ())
 }

@@ -167,9 +167,9 @@ impl Document {
         }
     }
 
-    /// Returns the remedy for the value at `span` if `message` says that this value must be a list, or a table instead
-    /// of a list; `None` for another message, if the list's key is not in the same line, or if raycl knows no list with
-    /// this key.
+    /// Returns the remedy for the value at `span` if `message` says one of three things: that a list is needed, and a
+    /// key of a list that raycl knows stands before the value in the same line; that `[[name]]` is needed in place of
+    /// `[name]`; or the reverse. Returns `None` otherwise.
     fn list_instead(&self, span: &Range<usize>, message: &str) -> Option<String> {
         let (_, text, start) = self.part(span);
         let at = span.start - start;

@@ -29,7 +29,8 @@ pub(super) fn read(root: &Root) -> Materials {
     }
     let is_white = |primitive: &Primitive| primitive.material.is_none() && has_colours(primitive);
     if root.meshes.iter().flat_map(|mesh| &mesh.primitives).any(is_white) {
-        // Colours are multiplied by the material's colour, which is white in glTF.
+        // The colours of a primitive's corners are multiplied by its material's colour. If the primitive has no
+        // material, glTF uses white.
         materials.list.push(Material::lambertian(Vec3::ONE));
         materials.asked.push(Asked::default());
     }

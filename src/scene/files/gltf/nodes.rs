@@ -264,8 +264,8 @@ impl<'a> Walk<'a> {
     }
 
     /// Returns true if the file's first camera and the file's lights, scaled like the mesh, are within
-    /// raycl's limits. If the result is false, the mesh is not scaled. A camera beyond the limits is so far
-    /// away, at least 1e11 radii of the mesh, that the mesh covers less than a pixel.
+    /// raycl's limits. If the result is false, the mesh is not scaled. If scaling moves a camera beyond
+    /// the limits, the camera is at least 1e11 radii of the mesh away, so the mesh covers less than a pixel.
     fn seen_fits(&self, placement: &Placement) -> bool {
         let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())

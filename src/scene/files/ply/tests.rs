@@ -283,7 +283,7 @@ fn what_a_header_needs_is_held_against_the_memory() {
     assert_eq!(FACE_BYTES, face + list + triangle);
     for (vertices, faces) in [(1 << 50, 0), (0, 1 << 50)] {
         let message = hold("a.ply", &header(vertices, faces)).unwrap_err().to_string();
-        let sum = format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces = ");
+        let sum = format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces or strips = ");
         assert!(message.starts_with("reading a.ply needs about") && message.contains(&sum), "{message}");
     }
     // If only faces have colours, each face needs memory for two colours while the file is read: its own
@@ -302,7 +302,7 @@ fn what_a_header_needs_is_held_against_the_memory() {
     let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
     for (vertices, faces, colour_count) in [(1 << 50, 1000, 1000), (1 << 50, 1 << 30, 1 << 24)] {
         let message = hold("a.ply", &header_with(vertices, colours, faces)).unwrap_err().to_string();
-        let sum = format!("{faces} faces + {COLOUR_BYTES} B x {colour_count} colours = ");
+        let sum = format!("{faces} faces or strips + {COLOUR_BYTES} B x {colour_count} colours = ");
         assert!(message.contains(&sum), "{message}");
     }
 }
