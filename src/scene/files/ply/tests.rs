@@ -283,7 +283,8 @@ fn what_a_header_needs_is_held_against_the_memory() {
     assert_eq!(FACE_BYTES, face + list + triangle);
     for (vertices, faces) in [(1 << 50, 0), (0, 1 << 50)] {
         let message = hold("a.ply", &header(vertices, faces)).unwrap_err().to_string();
-        let sum = format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces or strips = ");
+        let sum =
+            format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces or strips = ");
         assert!(message.starts_with("reading a.ply needs about") && message.contains(&sum), "{message}");
     }
     // If only faces have colours, each face needs memory for two colours while the file is read: its own
