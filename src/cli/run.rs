@@ -277,7 +277,7 @@ fn folder_of_results(args: &Args, experiment: &Experiment) -> Result<PathBuf> {
     // run has just made it, and `new_folder` makes a folder of another name.
     if !takes_new_folder(args) {
         refuse_shards(&out)?;
-        refuse_file(&out)?;
+        refuse_file(&out).map_err(|error| error.with_help(shard::OTHER_FOLDER))?;
         refuse_closed(&out, shard::OTHER_FOLDER)?;
         refuse_other_folders(&out, choice(args), false)?;
     }

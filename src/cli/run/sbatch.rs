@@ -31,7 +31,7 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
     let run = super::run_of(args, &experiment, &infos, &sources, &locks)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, false));
     named_in_text([&out])?;
-    refuse_file(&out)?;
+    refuse_file(&out).map_err(|error| error.with_help(shard::OTHER_FOLDER))?;
     shard::refuse_others(&out, args.force)?;
     let header = shard::header(&experiment, &sources[0], shards);
     ShardPlan::read(&out)?.map(|plan| plan.checked(&header, &out)).transpose()?;
