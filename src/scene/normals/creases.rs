@@ -212,7 +212,7 @@ mod tests {
             let [a, b, c] = cone.corners(triangle);
             let face = (b - a).cross(c - a).normalize();
             let at_tip = cone.corner_normals(triangle)[0];
-            // The mean of all faces within 40 degrees is steeper than each of them.
+            // The mean of the normals within 40 degrees points further up than each of them.
             assert!((0.03..0.3).contains(&at_tip.distance(face)), "{at_tip} {face}");
         }
     }
