@@ -267,7 +267,11 @@ fn a_wrong_path_has_its_position_and_the_nearest_name() {
             "longer than the path of any value of a scene",
             "scene.toml:18",
         ),
-        (track("path = \"camera..x\"\nvalues = [1]"), "a name of the path is empty", "scene.toml:18"),
+        (
+            track("path = \"camera..x\"\nvalues = [1]"),
+            "a name in the path is empty (two dots in a row, or a dot at an end)",
+            "scene.toml:18",
+        ),
         (track("path = \"animation.frames\"\nvalues = [1]"), "cannot change the animation", "scene.toml:18"),
         (track("path = \"light.00.power\"\nvalues = [1]"), "expected an index from 0 to 1", "scene.toml:18"),
         (

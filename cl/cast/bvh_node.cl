@@ -3,7 +3,7 @@
 
 // Returns the reciprocal of a direction's component. A component that is nearly zero is replaced by 1e-20, so that the
 // reciprocal is finite.
-varying safe_reciprocal(varying d) {
+static varying safe_reciprocal(varying d) {
     return 1.0f / SELECT(fabs(d) < 1e-20f, (varying)(1e-20f), d);
 }
 
@@ -12,7 +12,7 @@ typedef struct {
     Vec3 origin, per_direction;
 } BoxProbe;
 
-BoxProbe prepare_box_probe(Vec3 origin, Vec3 direction) {
+static BoxProbe prepare_box_probe(Vec3 origin, Vec3 direction) {
     BoxProbe probe;
     probe.origin = origin;
     probe.per_direction = vec3(safe_reciprocal(direction.x), safe_reciprocal(direction.y), safe_reciprocal(direction.z));
@@ -27,7 +27,7 @@ typedef struct {
 
 // Pushes a child of a node onto the stack. `waiting` is the number of the stack's entries; `below` is the number of
 // entries before the first child of this node was pushed. Returns the new number of the stack's entries.
-int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
+static int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int slot = waiting;
     // Insertion sort: children of this node that the rays enter earlier than the new child move up, so that the nearest
     // child is on top.
@@ -57,7 +57,7 @@ typedef union {
 } EachBox;
 
 // Returns, for each child, the t at which a ray crosses one side of the child's box: one lane per child.
-BoxLanes pass_sides(const __global float *sides, float origin, float per_direction) {
+static BoxLanes pass_sides(const __global float *sides, float origin, float per_direction) {
     return (*(const __global BoxLanes *)sides - origin) * per_direction;
 }
 
@@ -88,7 +88,7 @@ int push_met_children(const BoxProbe *probe, const __global float *node, float r
 #else
 // Returns the lanes whose ray enters a child's box before t = `reach`. `entry` receives the t at which each ray enters
 // the box.
-Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
+static Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
     const Vec3 o = probe->origin, per = probe->per_direction;
     // This is the slab test (Kay and Kajiya 1986), with one lane per ray. Along each axis, the test computes the two
     // values of t at which each ray crosses the sides of the box.
@@ -102,7 +102,7 @@ Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, 
 }
 
 // Returns the smallest value in the lanes that are set in the mask.
-float least_of(varying values, Mask mask) {
+static float least_of(varying values, Mask mask) {
     Lanes lanes;
     // Lanes that are not set in the mask get FAR, the largest float, so that they do not count.
     lanes.all = SELECT(mask, values, (varying)(FAR));

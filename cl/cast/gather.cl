@@ -1,7 +1,7 @@
 // Loads the data of each lane's triangle. Lanes may have different triangles, so the lanes load one after the other.
 
 // Returns the surface of each lane's triangle. Lanes without a hit (NO_HIT) read nothing, and their result is zero.
-Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
+static Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {
     Lanes column[FLOATS_OF_SURFACE];
     IntLanes id;
     id.all = triangle;

@@ -75,7 +75,7 @@ typedef struct {
     BIND_MATERIALS(geometry)  \
     geometry.count = triangle_count;
 
-Corners corners(const Geometry *geometry, int triangle) {
+static Corners corners(const Geometry *geometry, int triangle) {
     // A corner takes two loads, one after the other: first its index, then its position, which several triangles may
     // share.
     VERTEX_SPACE const Index *index = geometry->position_indices + 3 * triangle;
@@ -87,7 +87,7 @@ Corners corners(const Geometry *geometry, int triangle) {
 }
 
 // Writes a triangle's normals and material into columns (vectors): one float per column, all in the lane `lane`.
-void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
+static void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const Index *index = geometry->normal_indices + 3 * triangle;
     MATERIAL_SPACE const float *material = geometry->materials + MATERIAL_FLOATS * geometry->material_indices[triangle];
     // The columns have the order that surface_of expects: normals in columns 0 to 8, the material from column 9 on.

@@ -164,7 +164,7 @@
 
 // Returns `pixels` with a narrower mask `inside`: only pixels that get another sample count as inside the image.
 #if SAMPLED
-Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted, uint earlier) {
+static Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted, uint earlier) {
     IntLanes x, y, inside;
     x.all = pixels.x;
     y.all = pixels.y;
@@ -180,7 +180,7 @@ Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted
 #endif
 
 // Stores rays in the working vectors. Returns t_min: hits at this distance or nearer are ignored.
-varying begin_rays(Working *working, Ray ray) {
+static varying begin_rays(Working *working, Ray ray) {
     const varying zero = (varying)(0.0f);
     working_set(working, RAY_ORIGIN, ray.origin);
     working_set(working, RAY_DIRECTION, ray.direction);
@@ -198,7 +198,7 @@ varying begin_rays(Working *working, Ray ray) {
 
 // Stores one number per pixel for the pass that shades: the number of the pixel's nearest triangle, or NO_HIT. Even
 // with a tree, the stored number is the triangle's number in the mesh, not its index in leaf order.
-void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
+static void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;
     y.all = pixels.y;
@@ -209,7 +209,7 @@ void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varyin
 }
 
 // Returns the number of each pixel's nearest triangle, as store_nearest has stored it, or NO_HIT.
-varying_int load_nearest(const __global int *nearest, int2 image_size, Pixels pixels) {
+static varying_int load_nearest(const __global int *nearest, int2 image_size, Pixels pixels) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;
     y.all = pixels.y;

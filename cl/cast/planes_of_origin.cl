@@ -24,7 +24,7 @@ typedef struct {
     float overlap; // exhaustive.cl stores overlap_of(origin) here, since prepare_probe does not know the rays' origin
 } Probe;
 
-Probe prepare_probe(varying t_min, Vec3 direction) {
+static Probe prepare_probe(varying t_min, Vec3 direction) {
     Probe probe;
     probe.t_min = t_min;
     probe.overlap = 1.0f;
@@ -40,17 +40,17 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 // pixels, has the direction (x, y, 1). In pixel coordinates, a direction's third component is 1, so row_along_pixels
 // has already added the triangles' overlap to the third component of each plane. For such rays, overlap_of returns -0:
 // adding -0 changes nothing.
-float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
+static float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
 
 // Returns a plane's dot product with a direction, plus `begin`. In pixel coordinates (see overlap_of), all rays share
 // the dot product's term with z, and rays through the same row of pixels share the term with y. The function adds the
 // terms with z and y first, so that compilers can compute each of them once.
-varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
+static varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }
 
 // Returns an edge function plus the overlap: negative if the direction is outside the edge by more than the overlap.
-varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
+static varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
     return along_plane(probe->overlap, plane.x, plane.y, plane.z, direction);
 }
 

@@ -69,7 +69,7 @@ void stage_tile(const Scene *scene, int origin, int first) {
     barrier(CLK_LOCAL_MEM_FENCE);
 }
 
-Row row_in_tile(const Scene *scene, int origin, int first, int k) {
+static Row row_in_tile(const Scene *scene, int origin, int first, int k) {
     Row row;
     LOAD_ROW(row, scene->tile + ROW_UNITS * k)
     return row;
@@ -81,5 +81,5 @@ Row row_in_tile(const Scene *scene, int origin, int first, int k) {
 
 void stage_tile(const Scene *scene, int origin, int first) {}
 
-Row row_in_tile(const Scene *scene, int origin, int first, int k) { return source_row(scene, origin, first + k); }
+static Row row_in_tile(const Scene *scene, int origin, int first, int k) { return source_row(scene, origin, first + k); }
 #endif

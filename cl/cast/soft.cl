@@ -33,7 +33,8 @@ void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask 
         working_set(working, RADIANCE, select3(active, add(before, arriving), before));
         return;
     }
-    const Vec3 direction = direction_to_sky(&scene->soft, scene->light_count, pixels.x, pixels.y, normal);
+    const Vec3 direction =
+        direction_to_sky(point_of_sphere(&scene->soft, scene->light_count, pixels.x, pixels.y), normal);
     working_set(working, TO_LIGHT, direction);
     // Rounding, or a normal of zero, may give a direction that is not above the surface.
     Mask lit = active & (dot3(direction, normal) > 0.0f);

@@ -10,12 +10,12 @@ typedef struct {
     size_t stride; // varyings from one vector to the next; with many work-items, too many for an int
 } Working;
 
-Vec3 working_get(const Working *working, int which) {
+static Vec3 working_get(const Working *working, int which) {
     volatile WORKING_SPACE varying *at = working->first + which * working->stride;
     return vec3(at[0], at[1], at[2]);
 }
 
-void working_set(Working *working, int which, Vec3 value) {
+static void working_set(Working *working, int which, Vec3 value) {
     volatile WORKING_SPACE varying *at = working->first + which * working->stride;
     at[0] = value.x;
     at[1] = value.y;

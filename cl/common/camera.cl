@@ -32,7 +32,7 @@ typedef struct {
 //     lane  0 1  at  (x, y)      (x + 1, y)
 //           2 3      (x, y + 1)  (x + 1, y + 1)
 // The rays through a block of pixels stay close to each other, so they mostly meet the same triangles and boxes.
-Pixels own_pixels(int2 image_size) {
+static Pixels own_pixels(int2 image_size) {
     Pixels pixels;
     pixels.x = (int)get_global_id(0) * BLOCK_X + LANE_X;
     pixels.y = (int)get_global_id(1) * BLOCK_Y + LANE_Y;
@@ -58,7 +58,7 @@ typedef struct {
 #endif
 
 // Returns the ray from the eye through each lane's pixel.
-Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
+static Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
     const varying x = RAY_X(*pixels), y = RAY_Y(*pixels);
     const Vec3 d = vec3(corner.x + x * step_x.x + y * step_y.x,
                         corner.y + x * step_x.y + y * step_y.y,
@@ -74,7 +74,7 @@ Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
 
 // Returns the same rays as camera_ray, but in pixel coordinates: the direction of a ray through the point (x, y) of the
 // image is (x, y, 1), and t is the depth.
-Ray ray_in_pixels(CAMERA_PARAMETERS, const Pixels *pixels) {
+static Ray ray_in_pixels(CAMERA_PARAMETERS, const Pixels *pixels) {
     Ray ray;
     ray.origin = vec3((varying)(eye.x), (varying)(eye.y), (varying)(eye.z));
     ray.direction = vec3(RAY_X(*pixels), RAY_Y(*pixels), (varying)(1.0f)); // no square root is needed

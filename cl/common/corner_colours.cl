@@ -9,7 +9,7 @@
 //
 //     31 30  | 29 .. 20 | 19 .. 10 | 9 .... 0
 //     unused | red      | green    | blue
-Uniform3 corner_colour(uint word) {
+static Uniform3 corner_colour(uint word) {
     const float step = 1.0f / COLOUR_STEPS;
     const float red = step * (float)(word >> 20 & COLOUR_STEPS);
     const float green = step * (float)(word >> 10 & COLOUR_STEPS), blue = step * (float)(word & COLOUR_STEPS);
@@ -18,7 +18,7 @@ Uniform3 corner_colour(uint word) {
 
 // Returns `surface`, with its diffuse reflectance multiplied by the colour of each lane's triangle at the point with
 // the weights w1 and w2. Lanes whose triangle is NO_HIT keep their diffuse reflectance.
-Surface coloured(Surface surface, const __global uint *colours, varying_int triangle, varying w1, varying w2) {
+static Surface coloured(Surface surface, const __global uint *colours, varying_int triangle, varying w1, varying w2) {
     IntLanes id;
     Lanes second, third, red, green, blue;
     id.all = triangle;

@@ -13,8 +13,9 @@
 //
 // The least alpha is stored in units of 1 / LEAST_ALPHA_UNIT of a step of an 8-bit alpha; 65535 stands for 1.
 //
-// Masks have no mip levels. In a mip level, a texel's alpha is the mean over many texels. Distant foliage would grow
-// where the mean alpha is above the least alpha in a whole region, and would vanish where the mean alpha is below.
+// A mask is always read at level 0, the texture itself. In higher mip levels, a texel's alpha is the mean over many
+// texels. Distant foliage would grow where the mean alpha is above the least alpha in a whole region, and would vanish
+// where the mean alpha is below.
 
 // Returns 1 if a triangle is solid at one of its points, and 0 if it has a hole there. w1 and w2 are the point's
 // barycentric weights of the second and third corner.
@@ -32,7 +33,7 @@ int is_solid(const Textures *textures, int triangle, float w1, float w2) {
     return (float)LEAST_ALPHA_UNIT * alpha >= (float)(head[3] >> 16) - 1.0f;
 }
 
-int has_mask(const Textures *textures, int triangle) {
+static int has_mask(const Textures *textures, int triangle) {
     return as_int(textures->rows[MAPPED_QUADS * (size_t)triangle + 1].w) != 0;
 }
 

@@ -12,7 +12,7 @@
 // at the zenith.
 
 // Returns, for each lane, the radiance of the texel in the lane's column and row of the sky's picture.
-Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
+static Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
     const __global float *texels = soft->numbers + (int)soft->numbers[0];
     const int width = (int)soft->numbers[1];
     IntLanes x, y;
@@ -27,7 +27,7 @@ Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
 }
 
 // Returns the sky's radiance in a direction, interpolated between four texels of the sky's picture.
-Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
+static Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     const int width = (int)soft->numbers[1], height = (int)soft->numbers[2];
     const Uniform3 middle = LOAD3(soft->numbers + 3), up = LOAD3(soft->numbers + 6);
     const varying ahead = dot3(direction, splat(middle)), right = dot3(direction, splat(uniform_cross(middle, up)));

@@ -8,15 +8,15 @@
 #define NEAR_START 0.01f
 
 // Returns the lanes in which the sum of three numbers is at most `part` of the sum of their absolute values.
-Mask cancels(varying x, varying y, varying z, float part) {
+static Mask cancels(varying x, varying y, varying z, float part) {
     return fabs(x + y + z) <= part * (fabs(x) + fabs(y) + fabs(z));
 }
 
 // Returns the normal of a triangle with these corners, of any length.
-Uniform3 normal_of(Uniform3 a, Uniform3 b, Uniform3 c) {
+static Uniform3 normal_of(Uniform3 a, Uniform3 b, Uniform3 c) {
     return uniform_cross(uniform_difference(b, a), uniform_difference(c, a));
 }
 
 // Returns the lanes whose ray starts in the triangle's plane, up to rounding errors. `a` is a corner of the triangle
 // relative to the ray's start, and `n` the triangle's normal, of any length.
-Mask starts_in_plane(Vec3 a, Vec3 n) { return cancels(a.x * n.x, a.y * n.y, a.z * n.z, SUM_ROUNDING); }
+static Mask starts_in_plane(Vec3 a, Vec3 n) { return cancels(a.x * n.x, a.y * n.y, a.z * n.z, SUM_ROUNDING); }

@@ -2,7 +2,7 @@
 
 // Returns the normal of the plane through the origin and an edge: edge x (p + q) = 2 p x q. The edge's ends p and q are
 // relative to the origin; `edge` is p - q. Swapping p and q changes only the signs of the normal's components.
-Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
+static Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
     return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
 
@@ -11,14 +11,14 @@ Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
 // shortest edge, `longer` that of the longer of the edges e1 and e2, and `slack` the overlap divided by an edge's size,
 // in the unit of the edge functions. Multiplying by a power of two does not round. Two triangles' planes for their
 // shared edge therefore differ only by the sign and by a power of two.
-float per_overlap(float slack, float shortest, float longer) {
+static float per_overlap(float slack, float shortest, float longer) {
     const float overlap = max(slack * min(longer, OVERLAP_EDGES * shortest), FLT_MIN);
     return 1.0f / as_float(as_int(overlap) & 0x7f800000); // the mask keeps only the exponent, bits 30 to 23
 }
 
 // Returns the row (the planes) of a triangle that no ray hits. A ray with a component along x lies on the outer side of
 // the first or the second edge. A ray whose direction's x is 0 or nearly 0 misses because its 1 / t is 0.
-Row row_of_nothing() {
+static Row row_of_nothing() {
     Row row;
     row.a = uniform3(1e30f, 0.0f, 0.0f);
     row.b = uniform3(-1e30f, 0.0f, 0.0f);

@@ -5,7 +5,7 @@
 // Returns `base` to the power of `exponent`; neither may be negative. The function computes x^y as 2^(y log2 x). A base
 // of zero is a special case, because the logarithm of zero is infinite: 0^0 is 1, other powers of 0 are 0. The built-in
 // pow handles more cases, and is slower.
-varying power_of(varying base, varying exponent) {
+static varying power_of(varying base, varying exponent) {
     const varying at_zero = SELECT(exponent > 0.0f, (varying)(0.0f), (varying)(1.0f));
     return SELECT(base > 0.0f, exp2(exponent * log2(base)), at_zero);
 }
@@ -13,7 +13,7 @@ varying power_of(varying base, varying exponent) {
 // Returns f(w_i, w_o, n): without a highlight k_L / pi, with a highlight (k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi.
 // w_i is the direction to the light, and w_o the direction to the eye. w_h is the unit vector halfway between w_i and
 // w_o, and n is the normal. k_L, k_G and s are explained in rows.cl. Lanes that are not in `lit` get no highlight.
-Vec3 reflectance(const Surface *surface, Vec3 to_light, Vec3 to_eye, Vec3 normal, Mask lit) {
+static Vec3 reflectance(const Surface *surface, Vec3 to_light, Vec3 to_eye, Vec3 normal, Mask lit) {
     Vec3 sum = surface->lambertian;
     // A highlight costs a division, a logarithm and an exponential, which are skipped if no lane of `lit` has a
     // highlight.

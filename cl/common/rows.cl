@@ -61,7 +61,7 @@ typedef struct {
 
 // Returns a Surface from columns with one lane per ray: 9 columns for normals, 3 for k_L, 3 for k_G, one for s, one for
 // kind. With EMISSIVE, 3 columns for the emitted radiance and one for its texture follow.
-Surface surface_of(const Lanes *column) {
+static Surface surface_of(const Lanes *column) {
     // The columns (vectors) are in the order in which `layout = soup` stores a triangle's normals and material.
     Surface s;
     s.n0 = vec3(column[0].all, column[1].all, column[2].all);

@@ -17,10 +17,10 @@
 #define ROUGH_Y(block) ((block) >> 16)
 
 // Returns how many blocks cover a row or a column of pixels.
-int sampled_blocks(int pixels) { return (pixels + SAMPLED_BLOCK - 1) / SAMPLED_BLOCK; }
+static int sampled_blocks(int pixels) { return (pixels + SAMPLED_BLOCK - 1) / SAMPLED_BLOCK; }
 
 // Returns 1 if a pixel of the image gets more than `earlier` samples, else 0.
-int is_wanted(const __global uint *wanted, uint earlier, int2 image_size, int x, int y) {
+static int is_wanted(const __global uint *wanted, uint earlier, int2 image_size, int x, int y) {
     return wanted[y / SAMPLED_BLOCK * sampled_blocks(image_size.x) + x / SAMPLED_BLOCK] > earlier;
 }
 

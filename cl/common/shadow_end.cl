@@ -13,6 +13,6 @@
 // (`bias_per_distance` is the bias relative to the light's distance.) If the light is distant, the point where the ray
 // meets the hit's own triangle may have a rounding error above the bias: then the gap is a bound of this error. The
 // bound is proportional to `per_cosine`, 1 / cosine of the angle between the ray and the normal.
-varying gap_before_hit(varying bias_per_distance, varying per_cosine) {
+static varying gap_before_hit(varying bias_per_distance, varying per_cosine) {
     return max(bias_per_distance, ROUNDING_AT_DISTANCE * min(per_cosine, (varying)(MOST_PER_COSINE)));
 }

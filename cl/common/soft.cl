@@ -48,7 +48,7 @@ typedef struct {
 #endif
 
 // Returns the 32 bits in reverse order: swaps neighbouring bits, then pairs of bits, and so on.
-varying_uint reversed_bits(varying_uint bits) {
+static varying_uint reversed_bits(varying_uint bits) {
     bits = (bits >> 1 & 0x55555555u) | (bits & 0x55555555u) << 1;
     bits = (bits >> 2 & 0x33333333u) | (bits & 0x33333333u) << 2;
     bits = (bits >> 4 & 0x0f0f0f0fu) | (bits & 0x0f0f0f0fu) << 4;
@@ -59,7 +59,7 @@ varying_uint reversed_bits(varying_uint bits) {
 // Applies Owen's scrambling to bits in reverse order, by a hash in which each bit depends on the bits below it (Laine
 // and Karras, "Stratified Sampling for Stochastic Transparency", 2011, with the constants of Burley, "Practical
 // Hash-based Owen Scrambling", 2020).
-varying_uint hashed_bits(varying_uint bits, uint seed) {
+static varying_uint hashed_bits(varying_uint bits, uint seed) {
     bits += seed;
     bits ^= bits * 0x6c50b47cu;
     bits ^= bits * 0xb82f1e52u;
@@ -71,7 +71,7 @@ varying_uint hashed_bits(varying_uint bits, uint seed) {
 // Inserts a zero above each of the lower 16 bits. The four bits d c b a, for example, become:
 //
 //     d c b a  ->  0 d 0 c 0 b 0 a
-varying_uint spread_bits(varying_uint bits) {
+static varying_uint spread_bits(varying_uint bits) {
     bits = (bits | bits << 8) & 0x00ff00ffu;
     bits = (bits | bits << 4) & 0x0f0f0f0fu;
     bits = (bits | bits << 2) & 0x33333333u;
@@ -80,7 +80,7 @@ varying_uint spread_bits(varying_uint bits) {
 
 // Returns the second coordinate of a point of Sobol's sequence, as bits in reverse order. If the bits of the point's
 // number are the coefficients of a polynomial p(x) modulo 2, the bits of the result are the coefficients of p(x + 1).
-varying_uint second_of_sobol(varying_uint bits) {
+static varying_uint second_of_sobol(varying_uint bits) {
     bits ^= bits >> 16;
     bits ^= bits >> 8 & 0x00ff00ffu;
     bits ^= bits >> 4 & 0x0f0f0f0fu;
@@ -89,10 +89,10 @@ varying_uint second_of_sobol(varying_uint bits) {
 }
 
 // Converts the upper 23 bits to a number between 0 and 1, without rounding.
-varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.1920928955078125e-7f; }
+static varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.1920928955078125e-7f; }
 
 // Returns the seed of a hash. Each source (a light or the sky) uses several hashes; `which` is the number of the hash.
-uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
+static uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
 // Returns three numbers between 0 and 1 for the current sample of the pixel (x, y). `source` is the index of a light;
 // larger indices than that of the last light belong to the sky. The first two numbers are the coordinates of a point in
@@ -115,14 +115,14 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
 // Returns the radius of a light (1 for an area light), or 0 if the light is treated as a point: in pictures with a
 // single sample per pixel, and in unoccluded pictures. The define SAMPLED is tested, not sample.y, since a round of
 // samples may have only one per pixel even if the picture has several.
-float radius_of(const Soft *soft, int light) {
+static float radius_of(const Soft *soft, int light) {
     return SAMPLED && !IS_UNOCCLUDED(soft) ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }
 
 // Returns the point of a light to which a pixel's sample casts a ray, relative to the light's centre. `at` points to
 // the light's floats. The points of a ball are uniformly distributed on a sphere in four dimensions, and then projected
 // to three. Because of this distribution, a ball looks like an evenly bright disc from any side, seen from a distance.
-Vec3 off_middle(const Soft *soft, int light, const __global float *at, varying_int x, varying_int y) {
+static Vec3 off_middle(const Soft *soft, int light, const __global float *at, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
 #if AREA_LIGHTS
     if (is_area_light(at)) return scale(off_centre(at, u.x, u.y), (varying)(radius_of(soft, light)));
@@ -135,25 +135,27 @@ Vec3 off_middle(const Soft *soft, int light, const __global float *at, varying_i
 }
 
 #if SKY
-// Returns a random unit vector on the normal's side of a surface. The vector's probability density is proportional to
-// the cosine of the angle between the vector and the normal. The vector points to a uniformly distributed point of the
-// unit sphere that touches the surface. To choose a point of this sphere, no axes perpendicular to the normal are
-// needed. (No choice of such axes changes continuously with the normal everywhere.)
-Vec3 direction_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
+// Returns a point of the unit sphere for the current sample of the pixel (x, y). The points are uniformly distributed.
+static Vec3 point_of_sphere(const Soft *soft, int source, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, source, x, y);
     const varying ring = 2.0f * sqrt(u.x * (1.0f - u.x));
-    const Vec3 point = vec3(ring * sinpi(2.0f * u.y), ring * cospi(2.0f * u.y), 1.0f - 2.0f * u.x);
-    return normalize_or_zero(add(normal, point));
+    return vec3(ring * sinpi(2.0f * u.y), ring * cospi(2.0f * u.y), 1.0f - 2.0f * u.x);
 }
 
+// Returns a unit vector on the normal's side of a surface: the direction to a point (point_of_sphere) of the unit
+// sphere that touches the surface. The vector's probability density is proportional to the cosine of the angle between
+// the vector and the normal. To choose a point of this sphere, no axes perpendicular to the normal are needed. (No
+// choice of such axes changes continuously with the normal everywhere.)
+static Vec3 direction_to_sky(Vec3 point, Vec3 normal) { return normalize_or_zero(add(normal, point)); }
+
 // Returns the distance up to which surfaces occlude the sky.
-float reach_of_sky(const Soft *soft) { return soft->numbers[9]; }
+static float reach_of_sky(const Soft *soft) { return soft->numbers[9]; }
 
 #if ENVIRONMENT
 #include "common/environment.cl"
 #else
 // Returns the sky's radiance in a direction. Below the horizon, the sky has the radiance of the horizon.
-Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
+static Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     const Vec3 horizon = splat(LOAD3(soft->numbers + 3));
     const varying height = max(dot3(direction, splat(LOAD3(soft->numbers + 6))), (varying)(0.0f));
     return along(horizon, height, subtract(splat(LOAD3(soft->numbers)), horizon));
@@ -164,7 +166,7 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
 // product with up, but at least 0. The mean height of the directions around the normal is 2 / (3 pi) (sin a + (pi - a)
 // cos a), where a is the angle between the normal and up. A parabola in the cosine of a gives this mean, with an error
 // of at most 0.006. (A picture of the sky needs no mean, since such a sky is not cast at half resolution.)
-Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
+static Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #if ENVIRONMENT
     return radiance_of_sky(soft, normal);
 #else
@@ -180,7 +182,7 @@ Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 // origins and with unit directions. The triangle is given by a corner, the edges e1 and e2 from this corner, and the
 // edges' 1-norms (size1, size2). The test allows for the rounding error of the weights, as in
 // cast/intersect/moller_trumbore.cl.
-Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, varying size2, const Vec3 *from,
+static Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, varying size2, const Vec3 *from,
            const Vec3 *direction, varying t_max) {
     const Vec3 q = cross3(*direction, *e2), s = subtract(*from, *corner), r = cross3(s, *e1);
     const varying a = dot3(*e1, q), size = fabs(a);

@@ -13,7 +13,7 @@
 
 #if WIDTH == 16
 // Returns four neighbouring pixels in the image's format.
-float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
+static float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
     // Each argument has one channel of four pixels; the image holds r g b hit, r g b hit, ...
     const float8 rb = (float8)(red.x, blue.x, red.y, blue.y, red.z, blue.z, red.w, blue.w);
     const float8 gh = (float8)(green.x, hit.x, green.y, hit.y, green.z, hit.z, green.w, hit.w);
@@ -24,7 +24,7 @@ float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
 
 // Stores the radiance `sum` for the lanes of `hits`, and the background for all other lanes, in the lanes' pixels. The
 // fourth component is 1 for a hit, and 0 for a miss.
-void store_radiance(EARLIER_PARAMETER __global float4 *image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
+static void store_radiance(EARLIER_PARAMETER __global float4 *image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
     Lanes red, green, blue, hit;
     IntLanes x, y, inside;
     red.all = SELECT(hits, sum.x, (varying)(background.x));

@@ -44,7 +44,7 @@ typedef struct {
 } Textures;
 
 // Returns a texture coordinate after wrapping it to the range from 0 to 1.
-float coordinate_in_texture(float coordinate, uint wrap) {
+static float coordinate_in_texture(float coordinate, uint wrap) {
     if (wrap == WRAP_CLAMP) return clamp(coordinate, 0.0f, 1.0f);
     if (wrap == WRAP_MIRROR) {
         // Every second repetition runs backwards. The coordinate is therefore taken modulo 2, and reflected at 1.
@@ -56,20 +56,20 @@ float coordinate_in_texture(float coordinate, uint wrap) {
 
 // Returns the column (or row) of a texel, moved into the texture. With WRAP_REPEAT, a column beyond an edge continues
 // at the opposite edge; with other wrap modes, a column beyond an edge becomes the last one before this edge.
-int texel_in_texture(int texel, int size, uint wrap) {
+static int texel_in_texture(int texel, int size, uint wrap) {
     if (wrap == WRAP_REPEAT) texel += texel < 0 ? size : texel >= size ? -size : 0;
     // Whatever the texture coordinates are, no texel outside the texture may be read.
     return clamp(texel, 0, size - 1);
 }
 
 // Returns the colour, in linear light, of the texel in the word `at`.
-Uniform3 texel_colour(const __global uint *words, uint at) {
+static Uniform3 texel_colour(const __global uint *words, uint at) {
     const uint texel = words[at];
     return uniform3(as_float(words[texel & 255]), as_float(words[texel >> 8 & 255]), as_float(words[texel >> 16 & 255]));
 }
 
 // Returns a pointer to a texture's head: the 32-bit words that state the place of the texels, the size and more.
-const __global uint *texture_head(const Textures *textures, int number) {
+static const __global uint *texture_head(const Textures *textures, int number) {
     return textures->words + CHANNEL_VALUES + TEXTURE_HEAD_WORDS * number;
 }
 
@@ -80,7 +80,7 @@ typedef struct {
 } Level;
 
 // Returns a texture's mip level 0, which is the texture itself.
-Level whole_texture(const __global uint *head) {
+static Level whole_texture(const __global uint *head) {
     Level level;
     level.first = head[0], level.width = (int)head[1], level.height = (int)head[2];
     return level;
@@ -115,7 +115,7 @@ Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2
 }
 
 // Returns the weighted mean of four texels, mixed in linear light.
-Uniform3 mixed_colour(const __global uint *words, Texels at) {
+static Uniform3 mixed_colour(const __global uint *words, Texels at) {
     const Uniform3 a = texel_colour(words, at.a), b = texel_colour(words, at.b);
     const Uniform3 d = texel_colour(words, at.d), e = texel_colour(words, at.e);
     return uniform3(at.ka * a.x + at.kb * b.x + at.kd * d.x + at.ke * e.x,
@@ -126,7 +126,7 @@ Uniform3 mixed_colour(const __global uint *words, Texels at) {
 #if MIPS
 // Returns the next mip level: it is half as wide and half as high (rounded down, at least 1), and its texels follow
 // those of `level`.
-Level next_level(Level level) {
+static Level next_level(Level level) {
     level.first += (uint)(level.width * level.height);
     level.width = max(level.width / 2, 1), level.height = max(level.height / 2, 1);
     return level;
@@ -136,7 +136,7 @@ Level next_level(Level level) {
 // and is less than 0 if the texels of level 0 are larger than a pixel. `t` is the distance along the ray from the eye.
 // The method is that of Akenine-Moeller et al., "Texture Level of Detail Strategies for Real-Time Ray Tracing", Ray
 // Tracing Gems, 2019.
-varying levels_for(const Textures *textures, varying_int triangle, Vec3 direction, varying t) {
+static varying levels_for(const Textures *textures, varying_int triangle, Vec3 direction, varying t) {
     IntLanes id;
     Lanes x, y, z;
     id.all = triangle;
@@ -184,7 +184,7 @@ Uniform3 filtered_colour(const Textures *textures, int number, float4 ab, float4
 
 // Returns the colour of a triangle's texture at the point with the weights w1 and w2, in the mip level `wanted`.
 // Returns white if the triangle has no texture.
-Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2, float wanted) {
+static Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2, float wanted) {
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
     const float4 ab = row[0], c = row[1];
     const int number = as_int(c.z);
@@ -235,7 +235,7 @@ Surface with_emission_texture(Surface surface, const Textures *textures, varying
 // Returns `surface`, with its diffuse reflectance multiplied by the colour of the texture of each lane's triangle. The
 // ray from the eye meets the triangle at distance t, at the point with the weights w1 and w2. Lanes whose triangle is
 // NO_HIT keep their diffuse reflectance.
-Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2, Vec3 direction, varying t) {
+static Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2, Vec3 direction, varying t) {
     IntLanes id;
     Lanes second, third, level, red, green, blue;
     id.all = triangle;

@@ -49,7 +49,7 @@ typedef struct {
 } Tree;
 
 // Returns the corners of the triangle at an index in leaf order.
-Corners leaf_corners(const Tree *tree, int index) {
+static Corners leaf_corners(const Tree *tree, int index) {
     const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)index;
     // Three aligned loads of four floats read the corners. The fourth floats are the triangle's number, material and 0.
     const float4 a = quads[0], b = quads[1], c = quads[2];
@@ -61,10 +61,10 @@ Corners leaf_corners(const Tree *tree, int index) {
 }
 
 // Returns the number of the triangle at an index in leaf order.
-int leaf_triangle(const Tree *tree, int index) { return as_int(tree->leaves[LEAF_ROW * (size_t)index + 3]); }
+static int leaf_triangle(const Tree *tree, int index) { return as_int(tree->leaves[LEAF_ROW * (size_t)index + 3]); }
 
 #if PLANES_OF_ORIGIN
 // Returns the first of the three arrays of planes that were prepared for an origin: the eye is origin 0, the first
 // light origin 1.
-const __global float4 *planes_for(const Tree *tree, int origin) { return tree->planes + 3 * (size_t)origin * tree->row; }
+static const __global float4 *planes_for(const Tree *tree, int origin) { return tree->planes + 3 * (size_t)origin * tree->row; }
 #endif

@@ -71,10 +71,10 @@ typedef union {
 #elif defined(HAS_REDUCE_OR)
 #define ANY(mask) __builtin_reduce_or(mask)
 #else // or_of_2 and so on: names that no compiler's header defines as macros
-int or_of_2(int2 m) { return m.x | m.y; }
-int or_of_4(int4 m) { return or_of_2(m.lo | m.hi); }
-int or_of_8(int8 m) { return or_of_4(m.lo | m.hi); }
-int or_of_16(int16 m) { return or_of_8(m.lo | m.hi); }
+static int or_of_2(int2 m) { return m.x | m.y; }
+static int or_of_4(int4 m) { return or_of_2(m.lo | m.hi); }
+static int or_of_8(int8 m) { return or_of_4(m.lo | m.hi); }
+static int or_of_16(int16 m) { return or_of_8(m.lo | m.hi); }
 #define ANY(mask) PASTE(or_of_, WIDTH)(mask)
 #endif
 
@@ -84,10 +84,10 @@ int or_of_16(int16 m) { return or_of_8(m.lo | m.hi); }
 #elif defined(HAS_REDUCE_OR)
 #define ALL_NEGATIVE(bits) (!ANY((bits) >= 0))
 #else
-int and_of_2(int2 m) { return m.x & m.y; }
-int and_of_4(int4 m) { return and_of_2(m.lo & m.hi); }
-int and_of_8(int8 m) { return and_of_4(m.lo & m.hi); }
-int and_of_16(int16 m) { return and_of_8(m.lo & m.hi); }
+static int and_of_2(int2 m) { return m.x & m.y; }
+static int and_of_4(int4 m) { return and_of_2(m.lo & m.hi); }
+static int and_of_8(int8 m) { return and_of_4(m.lo & m.hi); }
+static int and_of_16(int16 m) { return and_of_8(m.lo & m.hi); }
 #define ALL_NEGATIVE(bits) (PASTE(and_of_, WIDTH)(bits) < 0)
 #endif
 
@@ -110,5 +110,5 @@ int and_of_16(int16 m) { return and_of_8(m.lo & m.hi); }
 #define AS_FLOAT(a) as_float16(a)
 #endif
 
-varying_int sign_bit(varying a) { return AS_INT(a) & (varying_int)(int)0x80000000; }
-varying flip_sign(varying a, varying_int sign) { return AS_FLOAT(AS_INT(a) ^ sign); }
+static varying_int sign_bit(varying a) { return AS_INT(a) & (varying_int)(int)0x80000000; }
+static varying flip_sign(varying a, varying_int sign) { return AS_FLOAT(AS_INT(a) ^ sign); }

@@ -21,7 +21,7 @@
 // is the smallest radiance whose displayed value is larger than `value`. `at_least` is indexed by the upper bits of a
 // radiance, and contains a lower bound of the displayed value. `smallest` and `at_least` are in global memory:
 // work-items read different addresses, which __constant memory would serve one after the other.
-uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
+static uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
     if (!(radiance > 0.0f)) return 0;
     uint value = at_least[as_uint(radiance) >> INDEX_SHIFT];
     // The bound in `at_least` is only a few values too low, so the loop takes few steps.

@@ -10,7 +10,7 @@
 
 // multiply_add is a function with vector parameters, since some compilers use their widest registers only for such
 // functions.
-vector multiply_add(vector a, vector b, vector c) { return fma(a, b, c); }
+static vector multiply_add(vector a, vector b, vector c) { return fma(a, b, c); }
 
 // Each iteration of the loop executes STEPS * CHAINS * WIDTH multiply-adds, so that the cost of the loop counter is
 // negligible.

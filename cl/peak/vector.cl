@@ -26,7 +26,7 @@ typedef union {
 } Parts;
 
 // Returns the sum of a vector's components.
-float sum_of(vector v) {
+static float sum_of(vector v) {
     Parts parts;
     parts.all = v;
     float sum = 0.0f;

@@ -17,7 +17,7 @@
 
 // Returns a dot product that is not contracted. The compiler may contract functions that are defined before the pragma,
 // possibly in a different way at each call.
-float exact_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+static float exact_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 // A linear function of the pixel: at(x, y) = c + x * dx + y * dy.
 typedef struct {
@@ -25,7 +25,7 @@ typedef struct {
 } Linear;
 
 // Returns the dot product of a plane with a pixel's direction, as a function of the pixel.
-Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
+static Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
     Linear f;
     f.c = exact_dot(plane, uniform3(corner.x, corner.y, corner.z));
     f.dx = exact_dot(plane, uniform3(step_x.x, step_x.y, step_x.z));
@@ -33,7 +33,7 @@ Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y)
     return f;
 }
 
-float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
+static float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
 
 // A triangle's corner as seen from the eye. `across` and `down` are the corner's column and row in the image, in
 // pixels, multiplied by its depth. The end of a pixel's direction (a vector from the eye) has depth 1.
@@ -42,7 +42,7 @@ typedef struct {
 } Projected;
 
 // Projects the point `p`, which is relative to the eye.
-Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
+static Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
     const Uniform3 from = uniform3(corner.x, corner.y, corner.z);
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     // step_x and step_y are perpendicular, so a dot product with one of them, divided by its squared length, is a
@@ -65,7 +65,7 @@ typedef struct {
 } Coverage;
 
 // Returns 1 if a triangle covers the point (x, y) of the image, else 0.
-int covers(const Coverage *coverage, float x, float y) {
+static int covers(const Coverage *coverage, float x, float y) {
     const Projected *p = coverage->at;
     // The corners' positions relative to the pixel, multiplied by the corners' depths. No position is divided by a
     // depth, so corners behind the eye do no harm.
@@ -82,7 +82,7 @@ int covers(const Coverage *coverage, float x, float y) {
 }
 
 // Extends the bounds of the pixels to test to include the point `p`, which is on or beyond the near plane.
-void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
+static void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);
     const float x = clamp(uniform_dot(q, sx) / uniform_dot(sx, sx), -1.0f, image_size.x + 1.0f);
@@ -147,7 +147,7 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
 
 // Returns the bits of the triangle's depth at a pixel, or NO_HIT if the triangle does not cover the pixel beyond the
 // near plane.
-int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
+static int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     const float px = x + 0.5f, py = y + 0.5f;
     if (!covers(coverage, px, py)) return NO_HIT;
     const float per_depth = linear_at(coverage->per_depth, px, py);

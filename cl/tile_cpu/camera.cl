@@ -11,7 +11,7 @@
 #if SAMPLED
 // Returns the number of each lane's sample among the samples of the lane's pixel in this frame. A pixel has 2^bits
 // sub-pixels across and 2^bits down.
-varying_int sample_of_lane(int bits) {
+static varying_int sample_of_lane(int bits) {
     // The lowest `bits` bits of a lane's column and row in its vector are the sub-pixel's column and row in the pixel.
     const int last = (1 << bits) - 1;
     // The number is a sum of products, since one GPU's compiler computes the same expression with `|` and `<<` wrongly
@@ -22,7 +22,7 @@ varying_int sample_of_lane(int bits) {
 
 // Returns the pixel of each lane of a ray vector, whose 16 rays form a block of 4 x 4. If the frame casts several rays
 // per pixel, several lanes have the same pixel: the block then covers 2 x 2 pixels or one pixel.
-Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
+static Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
     // A pixel's column and row are the column and row of its ray in the grid of all rays, divided by the number of
     // sub-pixels across or down.
@@ -60,7 +60,7 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
 // Computes, for each vector of rays, the interval of one component (x, y or z) of the directions corner + x step_x + y
 // step_y. The interval is extended by a bound of the rounding error. The arguments `x` and `y` are the position of each
 // vector's first ray.
-void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays, float16 x, float16 y, float16 *low,
+static void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays, float16 x, float16 y, float16 *low,
                 float16 *high) {
     // The component is linear in x and y, so its smallest and largest values lie at corners of the block.
     const float16 from_x = x * step_x, from_y = y * step_y;
@@ -104,7 +104,7 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
 
 #if SAMPLED
 // Returns the ray vectors whose pixels get another sample, one bit each. A vector's pixels get equally many samples.
-uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, int2 image_size) {
+static uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, int2 image_size) {
     uint cast = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
         const int x = FIRST_COLUMN(vector), y = FIRST_ROW(vector);
@@ -115,7 +115,7 @@ uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, i
 }
 
 // Gives the ray vectors that are not in `cast` an empty interval, which meets no box, and a reach (largest t) below 0.
-void leave_out_others(Slices *slices, uint cast) {
+static void leave_out_others(Slices *slices, uint cast) {
     for (int part = 0; part < PARTS; part++) {
         const int16 is_cast = LANES_OF(cast, part);
         for (int axis = 0; axis < 3; axis++) {

@@ -129,7 +129,7 @@ typedef struct {
 #define EACH_CAST(vector) for (int vector = 0; vector < VECTORS; vector++)
 #endif
 
-float least_lane(float16 v) {
+static float least_lane(float16 v) {
     // The upper half of the lanes is compared with the lower half, repeatedly: 16 lanes become 8, then 4, 2 and 1.
     const float8 a = min(v.lo, v.hi);
     const float4 b = min(a.lo, a.hi);
@@ -137,7 +137,7 @@ float least_lane(float16 v) {
     return min(c.x, c.y);
 }
 
-float most_lane(float16 v) {
+static float most_lane(float16 v) {
     const float8 a = max(v.lo, v.hi);
     const float4 b = max(a.lo, a.hi);
     const float2 c = max(b.lo, b.hi);

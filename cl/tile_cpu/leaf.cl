@@ -20,7 +20,7 @@ Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits, const
 #endif
 
 // Returns the ray vectors in `vectors` without an unfinished ray, one bit each.
-uint vectors_done(const Bundle *bundle, uint vectors) {
+static uint vectors_done(const Bundle *bundle, uint vectors) {
     uint done = 0;
     for (; vectors; vectors &= vectors - 1) {
         const int vector = LOWEST_BIT(vectors);
@@ -73,7 +73,7 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
 }
 
 // Tests all of a leaf's triangles against the ray vectors in `live`. Returns a bit for each vector, like test_prepared.
-uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
+static uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;
     // The loop prepares PREPARED triangles at a time. Each triangle is tested against all vectors in `live` while its

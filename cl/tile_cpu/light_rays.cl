@@ -83,7 +83,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
 }
 
 // Prepares the tile's rays from a light: they start at the light, and no ray vector has a ray yet.
-void begin_light_rays(Bundle *bundle, Slices *slices, const Lighting *lighting, int light) {
+static void begin_light_rays(Bundle *bundle, Slices *slices, const Lighting *lighting, int light) {
     for (int part = 0; part < PARTS; part++) {
         for (int axis = 0; axis < 3; axis++) {
             slices->low[axis][part] = (float16)(FAR);
@@ -99,7 +99,7 @@ void begin_light_rays(Bundle *bundle, Slices *slices, const Lighting *lighting, 
 // Computes the rays from a light to the hits of the vectors in `hit`. Without soft and emitted light, the hits are
 // computed for the first light, and stored for the other lights. Returns the vectors with at least one ray, one bit
 // each.
-uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting, int light,
+static uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting, int light,
                      float4 eye, uint hit, Shaded *shaded, Vec3 *arriving) {
     uint open = 0;
     for (uint left = hit; left; left &= left - 1) {

@@ -7,7 +7,7 @@
 #define SCATTERED 8.0f
 
 // Returns the approximate width of a pixel at a depth of 1: the largest component of the steps between pixels.
-float pixel_side(float4 step_x, float4 step_y) {
+static float pixel_side(float4 step_x, float4 step_y) {
     const float4 longer = max(fabs(step_x), fabs(step_y));
     return max(max(longer.x, longer.y), longer.z);
 }
@@ -15,7 +15,7 @@ float pixel_side(float4 step_x, float4 step_y) {
 // Returns the ray vectors whose hits lie far apart, one bit each. `directions` contains the intervals of the directions
 // (of length 1 or less) from a light to the hits, and bounds of the distances between light and hits. `block_side` is
 // the width of a vector's block of pixels at a depth of 1.
-uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float block_side) {
+static uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float block_side) {
     const float offset[3] = {eye_to_light.x, eye_to_light.y, eye_to_light.z};
     uint scattered = 0;
     for (int part = 0; part < PARTS; part++) {
@@ -38,12 +38,12 @@ uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float bl
 
 // Returns the reciprocal of a direction's component. A component that is nearly zero is replaced by NO_DIRECTION, so
 // that the reciprocal is finite.
-varying reciprocal(varying component) {
+static varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }
 
 // Stores the set of ray vectors whose hits lie far apart and, for rays_enter, the reciprocals of their directions.
-void set_scattered(Bundle *bundle, uint vectors) {
+static void set_scattered(Bundle *bundle, uint vectors) {
     bundle->scattered = vectors;
     for (; vectors; vectors &= vectors - 1) {
         const int vector = LOWEST_BIT(vectors);
@@ -55,7 +55,7 @@ void set_scattered(Bundle *bundle, uint vectors) {
 
 // Tests the rays of the scattered ray vectors `vectors` against a child's box. Returns the ray vectors of which an
 // unfinished ray enters the box before the ray's end, one bit each.
-uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
+static uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {
         const int vector = LOWEST_BIT(vectors);

@@ -71,7 +71,7 @@ SamplePositions sample_positions(const FrameSamples *samples) {
 // Returns those of the ray vectors in `hit` whose samples all hit the same triangle, one bit each. `triangles` receives
 // the triangles' indices in leaf order, one lane per vector; the lanes of other vectors get one of these indices, too,
 // so that every address is valid.
-uint vectors_on_one_triangle(const FrameSamples *samples, const Bundle *bundle, uint hit, varying_int *triangles) {
+static uint vectors_on_one_triangle(const FrameSamples *samples, const Bundle *bundle, uint hit, varying_int *triangles) {
     IntLanes index[PARTS];
     uint found = 0;
     int last = 0;
@@ -88,8 +88,8 @@ uint vectors_on_one_triangle(const FrameSamples *samples, const Bundle *bundle, 
     return found;
 }
 
-varying length_of(Vec3 a) { return sqrt(dot3(a, a)); }
-varying largest_of(Vec3 a) { return max(max(a.x, a.y), a.z); }
+static varying length_of(Vec3 a) { return sqrt(dot3(a, a)); }
+static varying largest_of(Vec3 a) { return max(max(a.x, a.y), a.z); }
 
 // Computes `inverse_depth` from the planes of the pixels' triangles, and how hits change from pixel to pixel (`right`,
 // `below`). `d` has the directions through the mean positions; adding `across` or `down` gives the next pixel's
@@ -167,19 +167,19 @@ typedef struct {
 } LightAtPixel;
 
 // Returns an upper bound of the angle, per step, by which the direction to the light turns.
-varying light_turn(const LightAtPixel *light, const PixelStep *step) {
+static varying light_turn(const LightAtPixel *light, const PixelStep *step) {
     return length_of(step->point) * light->per_distance;
 }
 
 // Returns an upper bound of the angle, per step, by which the half vector between the directions to light and eye turns
 // relative to the normal.
-varying half_turn(const LightAtPixel *light, const PixelStep *step) {
+static varying half_turn(const LightAtPixel *light, const PixelStep *step) {
     return (light_turn(light, step) + step->eye) * light->per_half + step->turn;
 }
 
 // Returns an upper bound of the second derivative of the radiance, per squared step from pixel to pixel and relative to
 // the radiance. The radiance is proportional to the reflectance times cosine / r^2, where r is the light's distance.
-varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
+static varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
     const varying to_light = light_turn(light, step), turn = half_turn(light, step), s = light->shininess;
     // `first` and `second` bound |g'| / g and |g''| / g for g = n . v / r^3 (v: hit to light). Per length, v / r^3 has
     // derivatives of at most 2 / r^3 and 6 / r^4. A step is r to_light long. With b = step->turn, first is at most

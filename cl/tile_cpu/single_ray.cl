@@ -14,7 +14,7 @@ typedef struct {
 } SingleRay;
 
 // Prepares the test against boxes. `per_direction` contains the reciprocals of the direction's components.
-void prepare_single_ray(SingleRay *ray, const float *per_direction) {
+static void prepare_single_ray(SingleRay *ray, const float *per_direction) {
     for (int axis = 0; axis < 3; axis++) {
         const int negative = per_direction[axis] < 0.0f;
         ray->origin[axis] = (Children)(ray->from[axis]);
@@ -26,13 +26,13 @@ void prepare_single_ray(SingleRay *ray, const float *per_direction) {
 
 // Returns the t at which the ray crosses a side of each child's box, one lane per child. `row` is the offset of the
 // boxes' sides in the node (`near_row` or `far_row` of `axis`).
-Children pass_side(const SingleRay *ray, const __global float *node, int axis, int row) {
+static Children pass_side(const SingleRay *ray, const __global float *node, int axis, int row) {
     return (LOAD_CHILDREN(node + row) - ray->origin[axis]) * ray->per_direction[axis];
 }
 
 // Returns one bit for each child of a node: 1 if the ray meets the child's box at a t from 0 to `ray->reach`. This is
 // the slab test (Kay and Kajiya 1986) with one child per lane.
-uint single_ray_enters(const SingleRay *ray, const __global float *node) {
+static uint single_ray_enters(const SingleRay *ray, const __global float *node) {
     const Children x = pass_side(ray, node, 0, ray->near_row[0]), x2 = pass_side(ray, node, 0, ray->far_row[0]);
     const Children y = pass_side(ray, node, 1, ray->near_row[1]), y2 = pass_side(ray, node, 1, ray->far_row[1]);
     const Children z = pass_side(ray, node, 2, ray->near_row[2]), z2 = pass_side(ray, node, 2, ray->far_row[2]);
@@ -42,7 +42,7 @@ uint single_ray_enters(const SingleRay *ray, const __global float *node) {
 }
 
 // Returns `v` with its eight lanes twice, in lanes 0 to 7 and in lanes 8 to 15.
-Vec3 in_both_halves(Lanes3 v) { return vec3((float16)(v.x, v.x), (float16)(v.y, v.y), (float16)(v.z, v.z)); }
+static Vec3 in_both_halves(Lanes3 v) { return vec3((float16)(v.x, v.x), (float16)(v.y, v.y), (float16)(v.z, v.z)); }
 
 // Returns which of the eight triangles from `first` on stop the ray, one bit each. Bits 8 to 15 repeat bits 0 to 7.
 uint triangles_stopping(const SingleRay *ray, const Tree *tree, int first) {
@@ -77,7 +77,7 @@ uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits)
 #endif
 
 // Returns 1 if any triangle of a leaf stops the ray, else 0.
-int leaf_stops(const SingleRay *ray, const Tree *tree, uint word) {
+static int leaf_stops(const SingleRay *ray, const Tree *tree, uint word) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     for (int first = LEAF_FIRST(word); first < end; first += TOGETHER) {
         // In the last iteration, bits after the leaf's last triangle belong to triangles of other leaves or to padding,
@@ -109,6 +109,20 @@ int is_stopped_alone(const SingleRay *ray, const Tree *tree) {
     return 0;
 }
 
+// Returns the lanes of `wanted` whose ray enters the box of a child of the tree's root before t = `reach`. Here, all
+// lanes are tested together against one box: rays that enter no box, such as most rays from the ground around an
+// object, then need not be cast one by one.
+Mask rays_entering_root(const Tree *tree, const BoxProbe *probe, float reach, Mask wanted) {
+    const varying own_reach = SELECT(wanted, (varying)(reach), (varying)(-1.0f));
+    const uint used = CHILD_BITS(AS_WORDS(LOAD_CHILDREN(tree->nodes + CHILD_ROW)) != UNUSED_CHILD);
+    Mask entering = (Mask)(0);
+    for (uint left = used; left && ANY(wanted & !entering); left &= left - 1) {
+        varying entry;
+        entering |= enter_box(probe, tree->nodes + LOWEST_BIT(left), own_reach, &entry);
+    }
+    return entering;
+}
+
 // Returns the lanes of `wanted` whose ray is stopped by a triangle before t = `reach`. Each ray is cast alone.
 Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *direction, float reach, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(*from, *direction);
@@ -116,7 +130,7 @@ Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *direction
                                 probe.per_direction.x, probe.per_direction.y, probe.per_direction.z};
     IntLanes stopped;
     stopped.all = (varying_int)(0);
-    for (uint left = LANE_BITS16(wanted); left; left &= left - 1) {
+    for (uint left = LANE_BITS16(rays_entering_root(tree, &probe, reach, wanted)); left; left &= left - 1) {
         const int lane = LOWEST_BIT(left);
         SingleRay ray;
         float per_direction[3];

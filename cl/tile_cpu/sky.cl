@@ -17,6 +17,8 @@ void add_mirrored_sky(const Lighting *lighting, const Shaded *shaded, const Pixe
 void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int2 image_size,
              const Shaded *shaded, Vec3 *sum) {
     const float reach = reach_of_sky(&lighting->soft) - lighting->bias;
+    Vec3 point;
+    int is_chosen = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
         const Mask hits = bundle->leaf_index[vector] != NO_HIT;
         if (!ANY(hits)) continue;
@@ -31,8 +33,11 @@ void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, cons
 #if ENVIRONMENT
         add_mirrored_sky(lighting, own, &pixels, hits, sum + vector);
 #endif
-        const Vec3 direction =
-            direction_to_sky(&lighting->soft, lighting->light_count, pixels.x, pixels.y, own->normal);
+        if (!is_chosen) {
+            point = point_of_sphere(&lighting->soft, lighting->light_count, pixels.x, pixels.y);
+            is_chosen = VECTORS_SHARE_POINTS;
+        }
+        const Vec3 direction = direction_to_sky(point, own->normal);
         const Vec3 from = along(own->point, (varying)(lighting->bias), direction);
         // Rays that point below the surface are not cast.
         Mask open = hits & (dot3(direction, own->normal) > 0.0f);

@@ -56,7 +56,7 @@ typedef struct {
 // Converts intervals of directions to intervals of their reciprocals, and extends the results by more than the rounding
 // error. 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
 // half-lines. Reciprocals of ends at zero are stored as FAR or -FAR. Empty intervals (low > high) stay empty.
-void invert_intervals(float16 *low, float16 *high) {
+static void invert_intervals(float16 *low, float16 *high) {
     const float16 least = *low, most = *high;
     // If the interval contains zero (`mixed`), the reciprocals lie below 1 / least or above 1 / most.
     const int16 none = least > most, mixed = (least <= NO_DIRECTION) & (most >= -NO_DIRECTION);
@@ -69,7 +69,7 @@ void invert_intervals(float16 *low, float16 *high) {
 
 // Finds the least value of `low` and the greatest value of `high` over all ray vectors of a tile. The arrays have one
 // lane per ray vector, in PARTS elements: the function combines first the elements, and then their lanes.
-void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
+static void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
     *least = least_lane(l);
@@ -99,7 +99,7 @@ TileInterval interval_of_tile(const Slices *directions) {
 
 // Converts `slices` from intervals of directions to intervals of reciprocals. First, stores the intervals' middles and
 // half widths in the bundle. (In lanes without rays, high - low would overflow, so each end is halved first.)
-void finish_slices(Bundle *bundle, Slices *slices) {
+static void finish_slices(Bundle *bundle, Slices *slices) {
     for (int axis = 0; axis < 3; axis++) {
         for (int part = 0; part < PARTS; part++) {
             float16 *low = &slices->low[axis][part], *high = &slices->high[axis][part];
@@ -151,7 +151,7 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
 }
 
 // Returns the ray vectors with a ray that may enter the box of a node's child, one bit each.
-uint slices_overlap(const Slices *slices, const TileInterval *interval, const Boxes *boxes, int child) {
+static uint slices_overlap(const Slices *slices, const TileInterval *interval, const Boxes *boxes, int child) {
     uint met = 0;
     for (int part = 0; part < PARTS; part++) {
         // This is the slab test of children_overlap, but for a single child: each lane tests the interval of one vector
@@ -176,21 +176,21 @@ uint slices_overlap(const Slices *slices, const TileInterval *interval, const Bo
 }
 
 // Returns the ray vectors whose reach (the largest t at which something can be hit) exceeds `entry`, one bit each.
-uint reaching(const Slices *slices, float entry) {
+static uint reaching(const Slices *slices, float entry) {
     uint bits = 0;
     for (int part = 0; part < PARTS; part++) bits |= LANE_BITS16(slices->reach[part] > entry) << (16 * part);
     return bits;
 }
 
 // Returns the largest reach (the largest t at which something can be hit) of all ray vectors.
-float furthest(const Slices *slices) {
+static float furthest(const Slices *slices) {
     float16 most = slices->reach[0];
     for (int part = 1; part < PARTS; part++) most = max(most, slices->reach[part]);
     return most_lane(most);
 }
 
 // Updates the reach (the largest t at which something can be hit) of vectors whose rays have hit something.
-void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
+static void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
     for (; changed; changed &= changed - 1) {
         const int vector = LOWEST_BIT(changed);
         // A ray vector's reach is the largest t of its rays: that of the ray with the smallest 1 / t.

@@ -79,19 +79,33 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
     return wanted & !open;
 }
 
+// Whether the rays of all vectors of a tile run to the same points of a light, or of the sky: with soft light at half
+// resolution, the points repeat every INTERLEAVED pixels, across and down. A block of pixels has as many pixels on each
+// side, unless its pixels have sub-pixels.
+#if HALF_LIGHT && BLOCK_X % INTERLEAVED == 0 && BLOCK_Y % INTERLEAVED == 0
+#define VECTORS_SHARE_POINTS (SUBPIXEL_BITS == 0)
+#else
+#define VECTORS_SHARE_POINTS 0
+#endif
+
 // Adds to `sum` the radiance that a tile's hits reflect from a light with an extent. The array `sum` has one element
 // per vector of rays. Each sample of a pixel has its own point of the light. In half pictures (of half the width and
 // height), the points repeat every 4 pixels, across and down.
 void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int light,
                     int2 image_size, const Shaded *shaded, Vec3 *sum) {
     const __global float *at = lighting->lights + LIGHT_FLOATS * light;
+    Vec3 position;
+    int is_chosen = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
         const Mask hits = bundle->leaf_index[vector] != NO_HIT;
         if (!ANY(hits)) continue;
         // Each lane's ray runs to a point of the light, chosen by the lane's pixel and sample.
+        if (!is_chosen) {
+            const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
+            position = add(splat(LOAD3(at)), off_middle(&lighting->soft, light, at, pixels.x, pixels.y));
+            is_chosen = VECTORS_SHARE_POINTS;
+        }
         const Shaded *own = shaded + vector;
-        const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
-        const Vec3 position = add(splat(LOAD3(at)), off_middle(&lighting->soft, light, at, pixels.x, pixels.y));
         const Vec3 offset = subtract(position, own->point);
         const varying squared = dot3(offset, offset);
         const varying distance = sqrt(squared);

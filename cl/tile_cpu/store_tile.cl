@@ -15,7 +15,7 @@
                        interleave(red.lanes, green.lanes, blue.lanes, hit.lanes)), row)
 
 #if SAMPLED
-float sum_of_lanes(float16 v) {
+static float sum_of_lanes(float16 v) {
     const float8 a = v.lo + v.hi;
     const float4 b = a.lo + a.hi;
     const float2 c = b.lo + b.hi;
@@ -23,7 +23,7 @@ float sum_of_lanes(float16 v) {
 }
 
 // Returns four sums, each over the 2 x 2 neighbouring lanes that are the sub-pixels of one pixel.
-float4 sums_of_squares(float16 v) {
+static float4 sums_of_squares(float16 v) {
     // Adds the values of neighbouring lanes across, then down:
     //
     //      0  1  2  3                 0 1                 0 1
@@ -36,7 +36,7 @@ float4 sums_of_squares(float16 v) {
 }
 
 // Updates a pixel's mean of `earlier` samples by `count` new samples, whose sum is `sum`.
-void add_samples(__global float4 *mean, float4 sum, uint earlier, int count) {
+static void add_samples(__global float4 *mean, float4 sum, uint earlier, int count) {
     const float per_sample = 1.0f / (float)(earlier + count);
     *mean = earlier ? *mean + (sum - (float)count * *mean) * per_sample : sum * per_sample;
 }
@@ -64,7 +64,7 @@ void store_subpixels(const FrameSamples *samples, __global float4 *restrict imag
 
 // Returns the sum of the samples of one pixel. The samples are the rays of a vector. Samples that hit nothing add the
 // background. The sum's fourth component is the number of hits.
-float4 sum_of_samples(const FrameSamples *samples, float4 background, const Vec3 *sum, Mask hits) {
+static float4 sum_of_samples(const FrameSamples *samples, float4 background, const Vec3 *sum, Mask hits) {
     const varying none = (varying)(0.0f);
     const float count = (float)popcount(LANE_BITS16(hits));
     const float red = sum_of_lanes(SELECT(hits, sum->x, none)), green = sum_of_lanes(SELECT(hits, sum->y, none));

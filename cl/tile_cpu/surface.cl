@@ -18,7 +18,7 @@ typedef struct {
 } Lighting;
 
 // Returns one material, with the same values in all lanes.
-Surface one_material(const __global float *material) {
+static Surface one_material(const __global float *material) {
     Surface surface;
     surface.lambertian = splat(LOAD3(material));
     surface.glossy = splat(LOAD3(material + 3));
@@ -32,7 +32,7 @@ Surface one_material(const __global float *material) {
 }
 
 // Returns the materials of a ray vector's hits, one per lane. Usually, all hits have the same material.
-Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
+static Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     IntLanes at;
     at.all = AS_INT(numbers);
     // If all hits share a material, it is loaded once; otherwise each lane loads the material of its own hit.
@@ -116,7 +116,7 @@ void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, floa
 }
 
 // Computes the hits of a ray vector, whose directions and nearest triangles are in the bundle (the tile's rays).
-void find_hits_of_vector(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle,
+static void find_hits_of_vector(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle,
                          int vector, Mask hits, Shaded *shaded) {
     const Vec3 d = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     find_surface_points(tree, lighting, eye, &d, bundle->leaf_index[vector], hits, shaded);

@@ -11,7 +11,7 @@ typedef struct {
 // Prefetches the first four cache lines of a child that will be visited soon. Four cache lines hold a whole node of
 // eight children, the first rows of a node of 16 children, or the first triangles of a leaf. The cache lines are loaded
 // while other children are tested.
-void fetch_child(const Tree *tree, uint word) {
+static void fetch_child(const Tree *tree, uint word) {
     const __global float *at = IS_LEAF(word) ? tree->leaves + LEAF_ROW * (size_t)LEAF_FIRST(word)
                                              : tree->nodes + NODE_STRIDE * (size_t)word;
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);

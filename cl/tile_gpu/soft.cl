@@ -71,7 +71,8 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
     // A ray to the sky ends at the sky's reach, the distance up to which surfaces block the sky.
     if (sight.is_sky) {
         const Vec3 normal = normalize_or_zero(surface_point->normal);
-        sight.direction = direction_to_sky(soft, source, surface_point->pixel.x, surface_point->pixel.y, normal);
+        sight.direction = direction_to_sky(
+            point_of_sphere(soft, source, surface_point->pixel.x, surface_point->pixel.y), normal);
         sight.distance = reach_of_sky(soft);
         return sight;
     }

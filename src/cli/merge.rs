@@ -25,7 +25,7 @@ pub struct Args {
     out: PathBuf,
     /// Merge only the results of the devices that match NAME. NAME is a part of a device's description (driver's name,
     /// common name, platform, driver and other properties that affect times), a kind (cpu, gpu, accelerator), or all.
-    /// A NAME of digits matches only a whole number of the description: 1 does not match H100. Results of the baselines
+    /// A NAME of digits matches only if the description has exactly this number: 1 does not match H100. Results of the baselines
     /// (ray casters on the host) are always merged; with the NAME host, raycl merges only these results. If no NAME
     /// matches a device on which a shard has begun, raycl merges nothing. If only some of several NAMEs match such a
     /// device, then all points, except the baselines, count as missing for each NAME without a match. Not with

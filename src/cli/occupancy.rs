@@ -45,9 +45,9 @@ pub struct Args {
     /// options but --compute-capability and --json can be given
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
-    /// For each local size, print three numbers of threads per multiprocessor. The first number is the
-    /// prediction in Figure 5 of the student paper whose experiments raycl repeats. The second number is what
-    /// the paper's 63 registers per work-item allow. For the third number, each work-item also needs the 108 B
+    /// For each local size, print three numbers of threads per multiprocessor. The first number is
+    /// computed as in Figure 5 of the student paper whose experiments raycl repeats, from the limits of work-groups and
+    /// threads alone. The second number is what the paper's 63 registers per work-item allow. For the third number, each work-item also needs the 108 B
     /// of __local memory of the paper's optimisation 1. With --paper, only --local-sizes, --json and
     /// --color can be given
     #[arg(long)]
@@ -65,7 +65,7 @@ fn help_of_capability() -> String {
     )
 }
 
-/// The default local sizes, which are the local sizes of the paper's Figure 5.
+/// The default local sizes: those of the paper's Figure 5, and four more.
 const LOCAL_SIZES: [&str; 9] = ["2x2", "4x4", "6x6", "8x8", "10x10", "12x12", "14x14", "16x16", "32x32"];
 
 /// Returns the number of work-items in a work-group of this size.

@@ -126,8 +126,9 @@ impl Lines {
     }
 
     /// Returns a line about the points that earlier sessions have finished; `None` if they have finished no
-    /// point. `done` is the number of all finished points: with several runs (stages), this session itself
-    /// has finished some of the `done` points.
+    /// point. `done` is the number of all points that are finished now. If this session consists of several runs (see
+    /// [`Stages`]), `done` also counts points that earlier runs of this session have finished; they are not points of
+    /// earlier sessions.
     fn earlier_line(&mut self, done: usize) -> Option<String> {
         self.earlier += done.saturating_sub(self.done);
         (self.earlier > 0).then(|| format!("{} of {} points are done already", self.earlier, self.points))

@@ -375,7 +375,7 @@ mod tests {
         assert!(error.exit_code() == 1 && error.to_string().starts_with("cannot write "), "{error}");
         assert_eq!(error.remedy(), FULL);
         let (text, _) = text_of(Findings::of(out, Duration::ZERO).unwrap());
-        assert_eq!(text, "", "a failed repair does not say that no line is damaged");
+        assert_eq!(text, "", "a failed repair must not print \"no line is damaged\"");
     }
 
     #[cfg(unix)]

@@ -48,7 +48,7 @@ impl Shown {
     /// Number of values that an 8-bit channel can have.
     pub const VALUES: usize = 256;
     /// Number of low bits of a radiance that the second table of [`Self::tables`] ignores.
-    pub const INDEX_SHIFT: u32 = 16;
+    pub const INDEX_SHIFT: u32 = 14;
 
     /// Returns the tables for a scene's display settings. The function keeps the tables that it returned last, because
     /// the frames of a moving picture usually have the same settings, and new tables take longer than a small frame's
@@ -109,8 +109,8 @@ struct Thresholds {
     /// The array's first element belongs to the value 1. The array's last element is NaN: comparisons with
     /// NaN are false, so that the search for a radiance's value ends at 255.
     smallest: [f32; Shown::VALUES],
-    /// For each pattern of the upper 16 bits of a positive radiance, a lower bound of the 8-bit value. In
-    /// most cases, the table's lower bound is at most 2 below the radiance's 8-bit value.
+    /// For each pattern of the upper 18 bits of a positive radiance, a lower bound of the 8-bit value. In
+    /// most cases, the table's lower bound is at most 1 below the radiance's 8-bit value.
     at_least: Vec<u8>,
 }
 
@@ -120,10 +120,14 @@ impl Thresholds {
         for (value, threshold) in (1..=255).zip(&mut thresholds) {
             *threshold = smallest(value, display);
         }
-        let shown = |radiance| thresholds[..255].partition_point(|least| *least <= radiance) as u8;
-        let at_least = (0..1 << (31 - Shown::INDEX_SHIFT))
-            .map(|upper: u32| shown(f32::from_bits(upper << Shown::INDEX_SHIFT)));
-        let at_least = at_least.collect();
+        // The thresholds rise: each value fills the part of the table from its own threshold to the next one.
+        let mut at_least = vec![0; 1 << (31 - Shown::INDEX_SHIFT)];
+        let mut end = at_least.len();
+        for (value, threshold) in (1..=255).zip(thresholds).rev() {
+            let first = threshold.to_bits().div_ceil(1 << Shown::INDEX_SHIFT) as usize;
+            at_least[first..end].fill(value);
+            end = first;
+        }
         Self { smallest: thresholds, at_least }
     }
 
@@ -132,7 +136,9 @@ impl Thresholds {
         if radiance.is_nan() || radiance <= 0.0 {
             return 0;
         }
-        let mut value = self.at_least[(radiance.to_bits() >> Shown::INDEX_SHIFT) as usize];
+        let bound = self.at_least[(radiance.to_bits() >> Shown::INDEX_SHIFT) as usize];
+        // Whether the first step is needed differs from pixel to pixel, so a branch would often be predicted wrongly.
+        let mut value = bound + u8::from(self.smallest[usize::from(bound)] <= radiance);
         while self.smallest[usize::from(value)] <= radiance {
             value += 1;
         }

@@ -100,7 +100,7 @@ impl Camera {
             return None;
         }
         let right = right.normalize();
-        // Adding zero changes -0 to 0, so that equal cameras have equal bytes.
+        // Adding zero changes -0 to 0, so that equal axes have equal bytes.
         let axis = |v: DVec3| v.as_vec3() + Vec3::ZERO;
         Some(Self {
             position,

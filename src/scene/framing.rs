@@ -237,32 +237,36 @@ struct Areas {
 
 impl Areas {
     fn of_mesh(mesh: &Mesh, bounds: [DVec3; 2]) -> Self {
-        let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
-        let areas = triangles.map(|triangle| {
-            let corners = mesh.corners(triangle).map(|corner| corner.as_dvec3());
-            Self::of(corners, front_sign(mesh, triangle, corners), bounds)
+        let chunks = mesh.triangles.par_chunks(PARALLEL_TRIANGLES);
+        let areas = chunks.map(|triangles| {
+            let mut sums = Self::default();
+            for triangle in triangles {
+                let corners = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+                sums.add(corners, front_sign(mesh, triangle, corners), bounds);
+            }
+            sums
         });
         areas.reduce(Self::default, Self::plus)
     }
 
-    /// Returns what a single triangle adds to the sums. `sign` is the triangle's [`front_sign`]. `low` and
-    /// `high` are the corners of the mesh's bounding box.
-    fn of([a, b, c]: [DVec3; 3], sign: f64, [low, high]: [DVec3; 2]) -> Self {
+    /// Adds a single triangle to the sums. `sign` is the triangle's [`front_sign`]. `low` and `high` are the
+    /// corners of the mesh's bounding box.
+    fn add(&mut self, [a, b, c]: [DVec3; 3], sign: f64, [low, high]: [DVec3; 2]) {
         let wound = (b - a).cross(c - a);
         let vector = sign * wound;
         let area = vector.length();
+        self.vector += vector;
+        self.wound += wound;
+        self.area += area;
+        self.largest = self.largest.max(area);
         let depth = WALL_DEPTH * (high - low);
         let [at_low, at_high] = [a.max(b).max(c).cmplt(low + depth), a.min(b).min(c).cmpge(high - depth)];
-        let is_inner = !at_low.any() && !at_high.any();
-        Self {
-            vector,
-            wound,
-            area,
-            largest: area,
-            low_walls: DVec3::select(at_low, -vector, DVec3::ZERO),
-            high_walls: DVec3::select(at_high, vector, DVec3::ZERO),
-            inner_vector: if is_inner { vector } else { DVec3::ZERO },
-            inner_area: if is_inner { area } else { 0.0 },
+        if at_low.any() || at_high.any() {
+            self.low_walls -= DVec3::select(at_low, vector, DVec3::ZERO);
+            self.high_walls += DVec3::select(at_high, vector, DVec3::ZERO);
+        } else {
+            self.inner_vector += vector;
+            self.inner_area += area;
         }
     }
 

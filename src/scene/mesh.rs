@@ -6,6 +6,7 @@ use super::{Material, Textures};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A mesh with fewer triangles than this is processed by one thread.
 pub(super) const PARALLEL_TRIANGLES: usize = 1 << 14;
@@ -125,11 +126,11 @@ impl Mesh {
 
     /// Returns one value for each position: true if the position is the corner of a triangle.
     pub(super) fn positions_of_triangles(&self) -> Vec<bool> {
-        let mut is_corner = vec![false; self.positions.len()];
-        for index in self.triangles.iter().flat_map(|triangle| triangle.positions) {
-            is_corner[index as usize] = true;
-        }
-        is_corner
+        let is_corner: Vec<_> = self.positions.iter().map(|_| AtomicBool::new(false)).collect();
+        let mark = |index: u32| is_corner[index as usize].store(true, Ordering::Relaxed);
+        let triangles = self.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
+        triangles.for_each(|triangle| triangle.positions.into_iter().for_each(mark));
+        is_corner.into_iter().map(AtomicBool::into_inner).collect()
     }
 
     /// Returns the smallest and the largest corner of the bounding box; `None` if the mesh has no triangles.

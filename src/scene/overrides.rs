@@ -82,7 +82,7 @@ pub(super) fn moves_camera(path: &str) -> bool {
 pub(super) fn set(document: &mut Table, path: &str, value: &Value) -> std::result::Result<(), String> {
     let keys: Vec<&str> = path.split('.').collect();
     if keys.iter().any(|key| key.is_empty()) {
-        return Err("a name of the path is empty".to_owned());
+        return Err("a name in the path is empty (two dots in a row, or a dot at an end)".to_owned());
     }
     set_in_table(document, &keys, value)
 }

@@ -1,7 +1,7 @@
-//! The axes of a strategy (the choices of which a way to cast rays consists), and their values. Some values
-//! are kernel files: each kernel family that supports such a value has a file for it under `cl/`, and the
-//! file's header describes the value. This file lists all values without a kernel file of their own, with
-//! their names and descriptions.
+//! The axes of a strategy (the choices of which a way to cast rays consists), and their values. Some values are kernel
+//! files: such a value has a file in one or more folders under `cl/` (in several if kernel families need different code
+//! for it), and the header of the first of these files describes the value. This file lists all values without a kernel
+//! file of their own, with their names and descriptions.
 
 use super::header::Header;
 use super::values::{header_of, values_of};

@@ -22,14 +22,14 @@ typedef struct {
     varying t_min;
 } Probe;
 
-Probe prepare_probe(varying t_min, Vec3 direction) {
+static Probe prepare_probe(varying t_min, Vec3 direction) {
     Probe probe;
     probe.t_min = t_min;
     return probe;
 }
 
 // Returns a triangle's row (the data that the test reads): its three corners. Each test computes the triangle's edges.
-Row row_of(Corners corners) {
+static Row row_of(Corners corners) {
     Row row;
     const Uniform3 corner[3] = { corners.a, corners.b, corners.c };
     for (int i = 0; i < 3; i++) {
@@ -41,7 +41,7 @@ Row row_of(Corners corners) {
 }
 
 // Writes a vector to memory, reads it again, and returns it.
-Vec3 store_and_load(volatile varying *at, Vec3 value) {
+static Vec3 store_and_load(volatile varying *at, Vec3 value) {
     at[0] = value.x;
     at[1] = value.y;
     at[2] = value.z;

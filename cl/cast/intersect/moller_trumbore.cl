@@ -18,7 +18,7 @@ typedef struct {
     varying t_min;
 } Probe;
 
-Probe prepare_probe(varying t_min, Vec3 direction) {
+static Probe prepare_probe(varying t_min, Vec3 direction) {
     Probe probe;
     probe.t_min = t_min;
     return probe;
@@ -41,7 +41,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 // triangle is seen nearly edge-on, it is not hit, since perhaps no digit of the determinant `a` is correct. With
 // PAPER_EPSILONS, the slacks of weights and the limit of `a` are the paper's constants. Without, a weight's slack is
 // proportional to one edge's size (its 1-norm), and the limit of `a` to the product of both edges' sizes.
-Row row_of(Corners corners) {
+static Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
     row.b = uniform_difference(corners.b, corners.a);

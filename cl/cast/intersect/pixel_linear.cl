@@ -13,7 +13,7 @@
 
 // Returns the plane's dot product with the ray direction corner + x step_x + y step_y as a linear function of the pixel
 // (x, y): the coefficient of x, the coefficient of y, and the constant.
-Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
+static Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
     return uniform3(uniform_dot(plane, uniform3(step_x.x, step_x.y, step_x.z)),
                     uniform_dot(plane, uniform3(step_y.x, step_y.y, step_y.z)),
                     uniform_dot(plane, uniform3(corner.x, corner.y, corner.z)));
@@ -25,7 +25,7 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
 #define LINEAR_OVERLAP 16.0f
 
 // Returns a triangle's row with its planes as functions of the pixel, and LINEAR_OVERLAP added to the edges' planes.
-Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
+static Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
     // plane . (corner + x step_x + y step_y) = x (plane . step_x) + y (plane . step_y) + plane . corner.
     const Uniform3 per_t = along_pixels(uniform3(row.u, row.v, row.w), corner, step_x, step_y);
     row.a = along_pixels(row.a, corner, step_x, step_y);

@@ -27,7 +27,7 @@ typedef struct {
 // axis i. The rows of the shear matrix are e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - d_(k+2)/d_k e_k, and e_k / d_k. The
 // rows for all three axes are computed, and each lane selects those of its dominant axis. A branch would save nothing:
 // lanes may have different dominant axes, so a vector of rays would execute every path.
-Probe prepare_probe(varying t_min, Vec3 direction) {
+static Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
     // The axis of the largest component becomes z: dividing by a small component would make the shear large.
     const Mask along_x = (size.x >= size.y) & (size.x >= size.z);
@@ -56,7 +56,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 }
 
 // Returns a triangle's row (the data that the test reads): the three corners, unchanged.
-Row row_of(Corners corners) {
+static Row row_of(Corners corners) {
     Row row;
     row.a = corners.a, row.b = corners.b, row.c = corners.c;
     row.u = row.v = row.w = 0.0f;

@@ -58,7 +58,7 @@ typedef struct {
     BIND_MATERIALS(geometry)  \
     geometry.count = triangle_count;
 
-Corners corners(const Geometry *geometry, int triangle) {
+static Corners corners(const Geometry *geometry, int triangle) {
     // The stride between triangles is SOUP_STRIDE floats in the soup, and 9 floats in a copy of only the corners. In a
     // large soup, a triangle's offset exceeds the range of an int.
     VERTEX_SPACE const float *at = geometry->vertices + (size_t)triangle * VERTEX_STRIDE;
@@ -70,7 +70,7 @@ Corners corners(const Geometry *geometry, int triangle) {
 }
 
 // Writes a triangle's normals and material into columns (vectors): one float per column, all in the lane `lane`.
-void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
+static void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const float *normals = geometry->normals + (size_t)triangle * NORMAL_STRIDE;
     MATERIAL_SPACE const float *material = geometry->materials + (size_t)triangle * MATERIAL_STRIDE;
     // The columns have the order that surface_of expects: normals in columns 0 to 8, the material from column 9 on.

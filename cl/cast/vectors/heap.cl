@@ -21,19 +21,19 @@ typedef struct {
 // their vectors in any order, for example:
 //
 //     | item 7: x y z | item 2: x y z | item 7: x y z | item 0: x y z | ...          heap_top -> next free
-uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count) {
+static uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count) {
     // One atomic addition reserves the pool's elements, so that no other work-item gets the same elements.
     const uint at = atomic_add(heap_top, count);
     return at + count <= heap_size ? at : 0;
 }
 
 // The pointers are volatile, as in working_in_memory.cl, so that compilers do not keep the vectors in registers.
-Vec3 working_get(const Working *working, int which) {
+static Vec3 working_get(const Working *working, int which) {
     volatile __global varying *at = working->vector[which];
     return vec3(at[0], at[1], at[2]);
 }
 
-void working_set(Working *working, int which, Vec3 value) {
+static void working_set(Working *working, int which, Vec3 value) {
     volatile __global varying *at = working->vector[which];
     at[0] = value.x;
     at[1] = value.y;

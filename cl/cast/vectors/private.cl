@@ -11,11 +11,11 @@ typedef struct {
 #define WORKING_LOCALS
 #define BIND_WORKING(working)
 
-Vec3 working_get(const Working *working, int which) {
+static Vec3 working_get(const Working *working, int which) {
     return vec3(working->vector[which][0], working->vector[which][1], working->vector[which][2]);
 }
 
-void working_set(Working *working, int which, Vec3 value) {
+static void working_set(Working *working, int which, Vec3 value) {
     working->vector[which][0] = value.x;
     working->vector[which][1] = value.y;
     working->vector[which][2] = value.z;

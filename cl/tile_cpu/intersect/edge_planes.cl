@@ -10,10 +10,11 @@
 // with the direction d lies on the edge's inner side if d . normal has the same sign as the triangle's height.
 // The neighbouring triangle has the same plane for the shared edge, with the opposite sign, to the last bit. (Embree's
 // robust mode uses the same planes.) At a vertex, rounding could let a ray slip through, so neighbouring triangles
-// overlap a little: after the planes are scaled, 1 is added to each dot product. The number `a` is d . (e2 x e1), where
-// e1 and e2 are two of the triangle's edges. The product of `a` and t is the same for all rays, and is called the
-// triangle's height. A hit lies in front of the ray's origin if the number `a` and the triangle's height have the same
-// sign. All planes are multiplied by the sign of the triangle's height when they are prepared, not at each test.
+// overlap a little: after the planes are scaled, 1 is added to each dot product. Let e1 and e2 be two of the
+// triangle's edges. The product of d . (e2 x e1) and t is the same for all rays, and is called the triangle's height. A
+// hit lies in front of the ray's origin if d . (e2 x e1) and the height have the same sign. All planes, and the normal
+// e2 x e1, are multiplied by the sign of the height when they are prepared, not at each test. The number `a` is the dot
+// product of d and this normal, so it is positive for hits in front of the origin.
 
 #define PREPARED TOGETHER
 
@@ -26,7 +27,7 @@ typedef struct {
 } Prepared;
 
 // Returns one corner of each of eight triangles, relative to the rays' origin.
-Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
+static Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
     Lanes3 from;
     from.x = (float8)(origin.x), from.y = (float8)(origin.y), from.z = (float8)(origin.z);
     return lanes_difference(corner, from);
@@ -34,10 +35,10 @@ Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
 
 // Returns the normal of the plane through the origin and an edge. The edge's ends p and q are relative to the origin;
 // `edge` is p - q. Swapping p and q changes the signs of the normal's components, and nothing else.
-Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
+static Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
 
 // Stores one plane of each of eight triangles, multiplied by `by`.
-void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
+static void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.x * by, 0, to[0]);
     vstore8(plane.y * by, 0, to[1]);
     vstore8(plane.z * by, 0, to[2]);
@@ -48,7 +49,7 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
 // size, in the unit of dot products. A float is | sign: bit 31 | exponent: 30 to 23 | digits: 22 to 0 |. The mask
 // 0x7f800000 keeps the exponent: it rounds the overlap down to a power of two, and dividing by it does not round. At
 // FLT_MIN or more, the exponent is not 0, so no division is by 0. The factor makes the rounded overlap 1.
-float8 per_overlap(float8 slack, float8 size, float8 longer, int8 sign) {
+static float8 per_overlap(float8 slack, float8 size, float8 longer, int8 sign) {
     const float8 overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
     return as_float8(as_int8(1.0f / as_float8(as_int8(overlap) & 0x7f800000)) | sign);
 }

@@ -7,7 +7,7 @@
 #define NO_AXIS 3
 
 // Returns the component along one axis of the directions of a vector's rays.
-varying along_axis(const Bundle *bundle, int vector, int axis) {
+static varying along_axis(const Bundle *bundle, int vector, int axis) {
     return axis == 0 ? bundle->x[vector] : axis == 1 ? bundle->y[vector] : bundle->z[vector];
 }
 
@@ -112,7 +112,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 // Returns the ray vectors in `live` of which a ray may run on the positive side of a plane through the origin: the side
 // to which the plane's normal points. The normal is the cross product of two vectors; `size` is the product of the
 // sizes of these two vectors.
-uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live) {
+static uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live) {
     for (int part = 0; part < PARTS; part++) {
         const float16 inside = largest_product(bundle, part, normal.x, normal.y, normal.z);
         live &= ~(LANE_BITS16(inside < -VOLUME_ROUNDING * size * bundle->longest) << (16 * part));

@@ -22,12 +22,12 @@ typedef struct {
     normals.triangles = mesh_triangles;
 
 // Returns a pointer to the indices of a triangle's normals. `number` is the triangle's number in the mesh.
-const __global uint *indices_of_normals(const Normals *normals, int number) {
+static const __global uint *indices_of_normals(const Normals *normals, int number) {
     return normals->triangles + MESH_WORDS * (size_t)number + MESH_NORMALS;
 }
 
 // Prefetches the indices of a triangle's normals. `index` is the triangle's index in leaf order.
-void fetch_normals(const Normals *normals, const __global float *leaves, int index) {
+static void fetch_normals(const Normals *normals, const __global float *leaves, int index) {
     FETCH(indices_of_normals(normals, as_int(leaves[ROW_FLOATS * (size_t)index + 3])));
 }
 
@@ -49,7 +49,7 @@ INLINED void spread_normals(const Normals *normals, int index, int number, varyi
     (float16)(QUAD(part, lane), QUAD(part, lane + 1), QUAD(part, lane + 2), QUAD(part, lane + 3))
 
 // Loads the normals of each lane's triangle, as columns (vectors) like those of spread_normals.
-void gather_normals(const Normals *normals, varying_int leaf_indices, varying_int numbers, varying *column) {
+static void gather_normals(const Normals *normals, varying_int leaf_indices, varying_int numbers, varying *column) {
     IntLanes number;
     number.all = numbers;
     const __global uint *indices[WIDTH];

@@ -7,7 +7,7 @@ typedef struct {
 #define BIND_NORMALS(normals) normals.rows = surfaces;
 
 // Prefetches a triangle's normals. `index` is the triangle's index in leaf order.
-void fetch_normals(const Normals *normals, const __global float *leaves, int index) {
+static void fetch_normals(const Normals *normals, const __global float *leaves, int index) {
     const __global float *row = normals->rows + NORMAL_FLOATS * (size_t)index;
     FETCH(row), FETCH(row + NORMAL_FLOATS - 1);
 }
@@ -19,6 +19,6 @@ INLINED void spread_normals(const Normals *normals, int index, int number, varyi
 }
 
 // Loads the normals of each lane's triangle, as columns (vectors) like those of spread_normals.
-void gather_normals(const Normals *normals, varying_int indices, varying_int numbers, varying *column) {
+static void gather_normals(const Normals *normals, varying_int indices, varying_int numbers, varying *column) {
     gather_rows(normals->rows, NORMAL_FLOATS / 3, indices, column);
 }

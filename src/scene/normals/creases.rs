@@ -20,10 +20,15 @@ struct Face {
 
 impl Face {
     fn of(mesh: &Mesh, triangle: u32) -> Self {
-        let [a, b, c] = mesh.corners(&mesh.triangles[triangle as usize]).map(|p| p.as_dvec3());
-        let weighted = (b - a).cross(c - a);
+        let weighted = weighted_normal(mesh, triangle);
         Self { unit: weighted.normalize_or_zero(), weighted }
     }
+}
+
+/// Returns the normal of a triangle's plane. The normal's length is twice the triangle's area.
+fn weighted_normal(mesh: &Mesh, triangle: u32) -> DVec3 {
+    let [a, b, c] = mesh.corners(&mesh.triangles[triangle as usize]).map(|p| p.as_dvec3());
+    (b - a).cross(c - a)
 }
 
 /// Replaces the smooth normals of the triangles `triangles` at all positions that have a crease: at such a
@@ -37,10 +42,11 @@ pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
         return;
     }
     let crease = crease_degrees.to_radians();
+    let least_cosine = crease.cos();
     let corners = sharp_corners(mesh, triangles, (crease / 2.0).cos());
     let normals_around = |around: &[(u32, u32)]| {
         let faces: Vec<Face> = around.iter().map(|(_, triangle)| Face::of(mesh, *triangle)).collect();
-        let normal = |face| mean(face, &faces, crease.cos()).normalize_or_zero().as_vec3();
+        let normal = |face| mean(face, &faces, least_cosine).normalize_or_zero().as_vec3();
         faces.iter().map(normal).collect::<Vec<_>>()
     };
     let normals: Vec<Vec3> = corners.par_chunk_by(|a, b| a.0 == b.0).flat_map_iter(normals_around).collect();
@@ -61,11 +67,12 @@ pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
 /// of two faces cannot differ by more than the crease angle.
 fn sharp_corners(mesh: &Mesh, triangles: &[u32], least_cosine: f64) -> Vec<(u32, u32)> {
     let parted = |triangle: &u32| {
-        let unit = Face::of(mesh, *triangle).unit;
+        let weighted = weighted_normal(mesh, *triangle);
+        let length = weighted.length();
         let triangle = &mesh.triangles[*triangle as usize];
         let corners = triangle.positions.into_iter().zip(triangle.normals);
-        let far = move |normal: u32| mesh.normals[normal as usize].as_dvec3().dot(unit) < least_cosine;
-        corners.filter(move |(_, normal)| unit != DVec3::ZERO && far(*normal)).map(|(position, _)| position)
+        let cosine = move |normal: u32| mesh.normals[normal as usize].as_dvec3().dot(weighted) / length;
+        corners.filter(move |(_, normal)| cosine(*normal) < least_cosine).map(|(position, _)| position)
     };
     let parted: Vec<u32> =
         triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).flat_map_iter(parted).collect();
@@ -74,10 +81,13 @@ fn sharp_corners(mesh: &Mesh, triangles: &[u32], least_cosine: f64) -> Vec<(u32,
     }
     let mut sharp = vec![false; mesh.positions.len()];
     parted.iter().for_each(|position| sharp[*position as usize] = true);
-    let corners = triangles.iter().flat_map(|triangle| {
-        mesh.triangles[*triangle as usize].positions.map(|position| (position, *triangle))
-    });
-    let mut corners: Vec<(u32, u32)> = corners.filter(|(position, _)| sharp[*position as usize]).collect();
+    let corners = |triangle: &u32| {
+        let positions = mesh.triangles[*triangle as usize].positions.into_iter();
+        let triangle = *triangle;
+        positions.filter(|position| sharp[*position as usize]).map(move |position| (position, triangle))
+    };
+    let mut corners: Vec<(u32, u32)> =
+        triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).flat_map_iter(corners).collect();
     corners.par_sort_unstable();
     corners
 }
