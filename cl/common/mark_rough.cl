@@ -21,7 +21,7 @@ static float4 displayed(float4 mean, float exposure, float4 tone, float alpha_sc
     return (float4)(shown.xyz, alpha_scale * mean.w);
 }
 
-static float largest_of(float4 v) { return max(max(v.x, v.y), max(v.z, v.w)); }
+static float largest_channel(float4 v) { return max(max(v.x, v.y), max(v.z, v.w)); }
 
 // Pixels are compared in a window that is one pixel wider than the block on each side. The pixels directly around the
 // block count too, since the samples of the block's pixels may lie in these neighbours: the pixel filter is wider than
@@ -40,7 +40,8 @@ float most_steps(const __global float4 *means, int2 image_size, int left, int to
             least = min(least, mean);
             greatest = max(greatest, mean);
         }
-    return largest_of(displayed(greatest, exposure, tone, alpha_scale) - displayed(least, exposure, tone, alpha_scale));
+    return largest_channel(displayed(greatest, exposure, tone, alpha_scale) -
+                           displayed(least, exposure, tone, alpha_scale));
 }
 
 // Returns the largest difference between the displayed values of neighbouring pixels.
@@ -56,7 +57,7 @@ float steps_between_neighbours(const __global float4 *means, int2 image_size, in
             if (row) most_apart = max(most_apart, fabs(own - above[column]));
             above[column] = before = own;
         }
-    return largest_of(most_apart);
+    return largest_channel(most_apart);
 }
 
 // Returns 1 if pixels that differ by `steps` (of 255) after `first` samples per pixel differ visibly, else 0. The grain
