@@ -5,7 +5,7 @@ typedef struct {
     Geometry geometry;
     const __global float *lights; // each light's position (3) and power (3), and more with area lights (area_light.cl)
     int light_count;
-    float bias; // the distance from the surface at which a shadow ray starts
+    float bias; // the shadow bias: the gap between a hit and the near end of its shadow ray
 #if PLANES_OF_ORIGIN
     const __global float4 *prepared; // a row per triangle, first for the eye, then for each light
 #endif

@@ -130,8 +130,8 @@ impl<'a, R: Real> Caster<'a, R> {
         sky.picture.as_ref().filter(|picture| picture.is_seen).map(|_| sky)
     }
 
-    /// Returns whether nothing lies between the light and a point at the distance `bias` from the surface. A light that
-    /// is nearer than `bias` counts as inside the surface, and is not visible.
+    /// Returns whether nothing lies between the light and a point on the shadow ray, at the distance `bias` from the
+    /// hit. A light that is nearer to the hit than `bias` counts as inside the surface, and is not visible.
     pub fn reaches(&self, sight: &Sight<R>, bias: R) -> bool {
         self.reaches_within(sight, bias, sight.distance)
     }
@@ -226,8 +226,8 @@ impl<'a, R: Real> Caster<'a, R> {
     }
 }
 
-/// Casts the serial baseline in single precision: one thread, every ray tested against every triangle, both
-/// faces, one shading per hit. `size` is width and height in pixels.
+/// Casts the serial baseline in single precision: one thread, exhaustive casting, both faces, one shading
+/// per hit. `size` is width and height in pixels.
 pub fn cast_serial_f32(scene: &Scene, size: [u32; 2]) -> Radiance {
     cast_serial::<f32>(scene, size)
 }

@@ -50,8 +50,8 @@ pub(super) struct SceneWire {
     /// angle. The crease angle is measured in the mesh's own coordinates, before `scale` [default: all edges
     /// are smooth].
     pub crease: Option<Number<Crease>>,
-    /// The distance from the surface at which a shadow ray starts [default: 1e-4 of the diagonal of the scene's box,
-    /// but at least 9.5e-7 of the largest coordinate of the surfaces and of the camera's position].
+    /// The gap between a hit and that end of the hit's shadow ray which is near the hit [default: 1e-4 of the diagonal
+    /// of the scene's box, but at least 9.5e-7 of the largest coordinate of the surfaces and of the camera's position].
     pub shadow_bias: Option<Number<NonNegative>>,
     /// Light coarse meshes with smooth normals on a smooth surface above their triangles, so that their facets do not
     /// shadow each other in steps [default: false].
