@@ -166,7 +166,7 @@ fn passes_that_a_strategy_does_not_have_are_null() {
     assert!(fused["primary_rays_per_s"].is_null() && fused["frame_rays_per_s"].is_number(), "{fused}");
     assert!(fused["shadow_rays_per_s"].is_null() && fused["tests_per_s"].is_number(), "{fused}");
     assert_eq!(fused["preset"], "naive");
-    // A rasteriser does not test every ray against every triangle, so its report has no rate of tests.
+    // A rasteriser does not test every primary ray against every triangle, so its report has no rate of tests.
     let raster = report(&folder, &[&["scene.toml", "--strategy", "raster"], &size[..]].concat());
     assert!(raster["tests_per_s"].is_null() && raster["primary_ms"].is_number(), "{raster}");
     // For tiles that work-items share, shading is always a separate pass: after the pass of shadow rays or,

@@ -229,8 +229,8 @@ pub struct Record {
     #[serde(default)]
     pub operations_per_test: Option<u32>,
     /// Bytes of the triangle that a ray-triangle test reads, divided by the number of rays of a work-item, since a
-    /// work-item reads a triangle once for all its rays. The number of bytes is null if rays are not tested
-    /// against every triangle.
+    /// work-item reads a triangle once for all its rays. The number of bytes is null if primary rays are
+    /// not tested against every triangle.
     #[serde(default)]
     pub triangle_bytes_per_test: Option<f64>,
     /// The memory that contains the triangles that tests read: `global`, `__constant` or `__local`.

@@ -61,7 +61,8 @@ impl<R: Real, F: Finder<R>> Finder<R> for Arc<F> {
     }
 }
 
-/// A finder with which every ray tests every triangle, as in the paper's program.
+/// A finder for exhaustive casting, as in the paper's program: a primary ray tests every triangle, and a shadow ray one
+/// triangle after another until it hits one.
 #[derive(Clone, Debug)]
 pub struct Exhaustive<R: Real> {
     triangles: Vec<[R::Vector; 3]>,

@@ -78,8 +78,8 @@ pub struct Report {
     /// The number of shadow rays, divided by the time of the shadow pass in seconds; null if there is no shadow pass.
     pub shadow_rays_per_s: Option<f64>,
     /// The number of primary rays, multiplied by the number of triangles and divided by the time in seconds of the
-    /// primary pass, or of the frame if passes are fused. Null unless every ray is tested against all
-    /// triangles.
+    /// primary pass, or of the frame if passes are fused. Null unless every primary ray is tested against every
+    /// triangle.
     pub tests_per_s: Option<f64>,
     /// Number of timed frames; the times of the frame and of its passes are medians over these frames.
     pub frames: u32,
