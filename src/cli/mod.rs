@@ -66,7 +66,7 @@ use guarded::{Guarded, Screen};
   raycl strategies                           axes of strategies with their values, and presets
   raycl kernel naive                         the source of one strategy
 
-`raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C, 128 + N ended by the signal with the number N.
+`raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C (run, reproduce and noise: also by SIGTERM), 128 + N ended by the signal with the number N.
 
 The file ~/.config/raycl/config.toml may contain your own defaults: device, color, and results (the folder for results). If XDG_CONFIG_HOME names a folder, the file is raycl/config.toml in this folder.
 

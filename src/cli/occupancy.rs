@@ -41,8 +41,8 @@ pub struct Args {
     /// Print the predicted occupancy and the measured time of the points of a run. raycl prints a point if
     /// the point's record contains its kernel's number of registers and occupancy; with --compute-capability,
     /// the number of registers is enough. Rasterisers are left out, since their main kernels have work-groups
-    /// of a fixed size. DIR is a folder of results, or the file records.jsonl in it. With --results, no
-    /// options but --compute-capability and --json can be given
+    /// of a fixed size. DIR is a folder of results, or the file records.jsonl in it. With --results, only
+    /// --compute-capability, --json and --color can be given
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
     /// For each local size, print three numbers of threads per multiprocessor. The first number is

@@ -85,10 +85,11 @@ pub struct Args {
     every_device: bool,
     #[command(flatten)]
     motion: Motion,
-    /// Samples per pixel, 1 to 1024. More samples make edges and soft shadows smoother. N samples take about N times as
-    /// long as one. The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default: 1;
-    /// with --adaptive, 16; for a bare mesh without --adaptive, --plain and --devices, 6 where neighbouring pixels
-    /// differ and 1 elsewhere]
+    /// Samples per pixel, 1 to 1024. More samples make edges and soft shadows smoother. With most strategies, N samples
+    /// take about N times as long as one; with strategies that cast tiles, 16 samples take only 6 to 9 times as long.
+    /// The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default: 1; with
+    /// --adaptive, 16; for a bare mesh without --adaptive, --plain and --devices, 6 where neighbouring pixels differ and
+    /// 1 elsewhere]
     #[arg(long, value_parser = whole::<u32>(1..=1024))]
     samples: Option<u32>,
     /// Cast one sixteenth of the samples (rounded up) for every pixel, and the other samples only where neighbouring
