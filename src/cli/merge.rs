@@ -23,13 +23,14 @@ pub struct Args {
     /// The folder that `raycl run --shard` wrote: the value of its option --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// Merge only the results of the devices that match NAME. NAME is a part of a device's description (driver's name,
-    /// common name, platform, driver and other properties that affect times), a kind (cpu, gpu, accelerator), or all.
-    /// A NAME of digits matches only if the description has exactly this number: 1 does not match H100. Results of the baselines
-    /// (ray casters on the host) are always merged; with the NAME host, raycl merges only these results. If no NAME
-    /// matches a device on which a shard has begun, raycl merges nothing. If only some of several NAMEs match such a
-    /// device, then all points, except the baselines, count as missing for each NAME without a match. Not with
-    /// --status [default: all devices on which a shard has begun]
+    /// Merge only the results of the devices that match NAME. NAME is a part of a device's description (the name that
+    /// the driver gives to the device, the device's common name as in raycl's tables, platform, driver and other
+    /// properties that affect times), a kind (cpu, gpu, accelerator), or all. A NAME of digits matches only if the
+    /// description has exactly this number: 1 does not match H100. Results of the baselines (ray casters on the host)
+    /// are always merged; with the NAME host, raycl merges only these results. If no NAME matches a device on which a
+    /// shard has begun, raycl merges nothing. If only some of several NAMEs match such a device, then all points, except
+    /// the baselines, count as missing for each NAME without a match. Not with --status [default: all devices on which a
+    /// shard has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard. A process in the state
