@@ -33,7 +33,7 @@ pub const TEXTURE_HEAD_WORDS: usize = 4;
 /// each pixel has one ray, the 16 rays of a vector in a tile cover one block.
 pub const SAMPLED_BLOCK: u32 = 4;
 /// A block of pixels gets more samples if two neighbouring pixels, in the block or directly around it, differ
-/// in a channel of the displayed picture by more than `ROUGH_STEPS` 8-bit steps. If raycl casts several
+/// in a channel by more than `ROUGH_STEPS`, on a scale from 0 to 255 with a gamma of 2. If raycl casts several
 /// samples per pixel before it looks for such blocks, `ROUGH_STEPS` is divided by the square root of the number of
 /// these first samples, since chance affects a mean of samples less than a single sample.
 pub const ROUGH_STEPS: u32 = 30;
