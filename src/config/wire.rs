@@ -83,7 +83,7 @@ pub struct SceneEntry {
     #[schemars(with = "BTreeMap<String, Anything>")]
     pub set: BTreeMap<Spanned<String>, Spanned<SceneValues>>,
     /// Samples per pixel, like `raycl render --samples`; a list makes one scene per number [default: 1]. With
-    /// several samples, lights with a radius cast soft shadows.
+    /// several samples, lights with a radius or edges cast soft shadows.
     #[schemars(with = "Option<SampleNumbers>")]
     pub samples: Option<Spanned<Numbers>>,
 }
