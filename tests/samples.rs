@@ -102,6 +102,23 @@ fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour
     }
 }
 
+/// The changed kernel finds every block rough whose neighbouring pixels it compares. It compares neighbours only in
+/// blocks whose brightest and darkest pixel differ visibly, so no block of an evenly lit wall becomes rough.
+#[test]
+fn neighbours_are_compared_only_in_blocks_whose_pixels_differ() {
+    let wall = "[[light]]\nposition = [0, 0, 100]\npower = 1e5\n[[object]]\n\
+        vertices = [[-99, -99, -1], [99, -99, -1], [99, 99, -1], [-99, 99, -1]]\nfaces = [[0, 1, 2, 3]]\n";
+    let folder = WorkFolder::with(&[("scene.toml", wall)]);
+    let kernels =
+        folder.kernels("common/mark_rough.cl", "return largest_channel(most_apart);", "return 255.0f;");
+    let mean = |scene: &str| {
+        std::fs::write(folder.path("scene.toml"), scene).expect("the scene is written");
+        report(&folder, &["--samples", "16", "--adaptive", "--cl-dir", &kernels])["mean_samples"].clone()
+    };
+    assert_eq!(mean(wall), 1.0);
+    assert!(mean(TRIANGLE).as_f64().is_some_and(|mean| mean > 3.0));
+}
+
 /// Each changed kernel makes one mistake: it counts blocks wrongly, gives a pixel a wrong number of samples,
 /// marks no block as rough, or divides the sum of a pixel's samples by a wrong number.
 #[test]

@@ -53,6 +53,26 @@ fn picture(folder: &WorkFolder, options: &[&str]) -> RgbImage {
 /// common origin, with and without a tree, in fused and in separate passes.
 const FAMILIES: [&str; 5] = ["tile", "bvh", "naive", "wide-common-origin", "tile,passes=separate"];
 
+/// The changed kernel calls every ray to the sky that it casts alone stopped. A ray from flat ground meets no box of the
+/// tree, so it is not cast.
+#[test]
+fn rays_to_the_sky_that_meet_no_box_are_not_cast() {
+    let scene = "[camera]\nposition = [0, 1.2, 1.5]\nlook_at = [0, -0.7, -3]\n\
+        [sky]\nzenith = 0.05\n[[object]]\nshape = \"ground\"\n";
+    let folder = WorkFolder::with(&[("scene.toml", scene)]);
+    let options = ["--samples", "4", "--strategy", "tile"];
+    let right = picture(&folder, &options);
+    let kernels = folder.kernels(
+        "tile_cpu/single_ray.cl",
+        "    int waiting = 1;",
+        "    if (1) return 1;\n    int waiting = 1;",
+    );
+    assert!(picture(&folder, &[&options[..], &["--cl-dir", &kernels]].concat()) == right, "a ray was cast");
+    std::fs::write(folder.path("scene.toml"), SKY).expect("the scene is written");
+    let right = picture(&folder, &options);
+    assert!(picture(&folder, &[&options[..], &["--cl-dir", &kernels]].concat()) != right, "no ray was cast");
+}
+
 #[test]
 fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
     let folder = WorkFolder::with(&[("scene.toml", SQUARE)]);

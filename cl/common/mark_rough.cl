@@ -28,12 +28,13 @@ static float largest_channel(float4 v) { return max(max(v.x, v.y), max(v.z, v.w)
 // a pixel. `left` and `top` are the column and the row of the window's first pixel.
 #define WINDOW (SAMPLED_BLOCK + 2)
 
-// Returns an upper bound of the differences between neighbouring pixels, which takes less time than to compare them:
-// the difference between the least and the greatest value of each channel in the window. A brighter radiance is never
-// displayed darker, so that only these two values must be converted to displayed values.
+// Returns an upper bound of the difference between neighbouring pixels: over all channels, the largest difference
+// between the channel's greatest and least displayed value in the window. The bound takes less time than the comparison
+// of all neighbours: apart from rounding, a brighter radiance is never displayed darker, so that only the greatest and
+// the least radiance must be converted to displayed values.
 float most_steps(const __global float4 *means, int2 image_size, int left, int top, float exposure, float4 tone,
                  float alpha_scale) {
-    float4 least = (float4)(INFINITY), greatest = (float4)(-INFINITY);
+    float4 least = (float4)(FLT_MAX), greatest = (float4)(-FLT_MAX);
     for (int y = top; y < top + WINDOW; y++)
         for (int x = left; x < left + WINDOW; x++) {
             const float4 mean = mean_of_pixel(means, image_size, x, y);

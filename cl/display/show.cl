@@ -24,7 +24,7 @@
 static uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
     if (!(radiance > 0.0f)) return 0;
     uint value = at_least[as_uint(radiance) >> INDEX_SHIFT];
-    // The bound in `at_least` is only a few values too low, so the loop takes few steps.
+    // The bound in `at_least` is usually at most 1 too low, so the loop takes few steps.
     while (value + 1 < SHOWN_VALUES && smallest[value] <= radiance) value++;
     return (uchar)value;
 }

@@ -109,9 +109,9 @@ int is_stopped_alone(const SingleRay *ray, const Tree *tree) {
     return 0;
 }
 
-// Returns the lanes of `wanted` whose ray enters the box of a child of the tree's root before t = `reach`. Here, all
-// lanes are tested together against one box: rays that enter no box, such as most rays from the ground around an
-// object, then need not be cast one by one.
+// Returns the lanes of `wanted` whose ray enters the box of a child of the tree's root before t = `reach`. All lanes
+// are tested together, against one box after another. Rays that enter no box, such as most rays from the ground around
+// an object, then need not be cast one by one.
 Mask rays_entering_root(const Tree *tree, const BoxProbe *probe, float reach, Mask wanted) {
     const varying own_reach = SELECT(wanted, (varying)(reach), (varying)(-1.0f));
     const uint used = CHILD_BITS(AS_WORDS(LOAD_CHILDREN(tree->nodes + CHILD_ROW)) != UNUSED_CHILD);
@@ -123,7 +123,8 @@ Mask rays_entering_root(const Tree *tree, const BoxProbe *probe, float reach, Ma
     return entering;
 }
 
-// Returns the lanes of `wanted` whose ray is stopped by a triangle before t = `reach`. Each ray is cast alone.
+// Returns the lanes of `wanted` whose ray is stopped by a triangle before t = `reach`. Each ray that
+// enters the box of a child of the root is cast alone.
 Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *direction, float reach, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(*from, *direction);
     const varying numbers[9] = {from->x, from->y, from->z, direction->x, direction->y, direction->z,

@@ -1,5 +1,6 @@
 // Rays of a tile without a common origin: to points of a light with an extent, and to the sky. The 16 rays of a vector
-// to a light traverse the tree together, as a packet. Rays to the sky traverse the tree one by one (single_ray.cl).
+// to a light traverse the tree together, as a packet. Rays to the sky that meet the box of a child of the
+// root traverse the tree one by one (single_ray.cl).
 
 #include "cast/bvh_node.cl"
 
@@ -79,9 +80,9 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
     return wanted & !open;
 }
 
-// Whether the rays of all vectors of a tile run to the same points of a light, or of the sky: with soft light at half
-// resolution, the points repeat every INTERLEAVED pixels, across and down. A block of pixels has as many pixels on each
-// side, unless its pixels have sub-pixels.
+// Whether all vectors of a tile use the same points of a light or of the sky. With soft light at half resolution, the
+// points repeat every INTERLEAVED pixels, across and down, and a vector's 16 rays cover 4 x 4 pixels if pixels are not
+// divided into sub-pixels.
 #if HALF_LIGHT && BLOCK_X % INTERLEAVED == 0 && BLOCK_Y % INTERLEAVED == 0
 #define VECTORS_SHARE_POINTS (SUBPIXEL_BITS == 0)
 #else

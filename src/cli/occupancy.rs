@@ -45,11 +45,11 @@ pub struct Args {
     /// --compute-capability, --json and --color can be given
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
-    /// For each local size, print three numbers of threads per multiprocessor. The first number is
-    /// computed as in Figure 5 of the student paper whose experiments raycl repeats, from the limits of work-groups and
-    /// threads alone. The second number is what the paper's 63 registers per work-item allow. For the third number, each work-item also needs the 108 B
-    /// of __local memory of the paper's optimisation 1. With --paper, only --local-sizes, --json and
-    /// --color can be given
+    /// For each local size, print three numbers of threads per multiprocessor. The first number is computed as in
+    /// Figure 5 of the student paper whose experiments raycl repeats, from the limits of work-groups and threads alone.
+    /// The second number is what the paper's 63 registers per work-item allow. For the third number, each work-item
+    /// also needs the 108 B of __local memory of the paper's optimisation 1. With --paper, only --local-sizes, --json
+    /// and --color can be given
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table; with --results, one object per point

@@ -229,6 +229,18 @@ mod tests {
         }
     }
 
+    /// In the table of bounds, no element has more than one threshold between its radiances, so that a search takes at
+    /// most one step.
+    #[test]
+    fn with_the_usual_display_the_table_is_at_most_one_value_too_low() {
+        let shown = Shown::of(Display::default());
+        let (smallest, at_least) = shown.tables();
+        let elements = smallest[..255].iter().map(|radiance| radiance.to_bits() >> Shown::INDEX_SHIFT);
+        let elements: Vec<_> = elements.collect();
+        assert!(elements.is_sorted_by(|a, b| a < b), "{elements:?}");
+        assert_eq!(at_least.len(), 1 << (31 - Shown::INDEX_SHIFT));
+    }
+
     #[test]
     fn a_colour_of_eight_bits_is_displayed_unchanged() {
         let plain = Display { exposure: 1.0, gamma: 1.0, ..Display::default() };

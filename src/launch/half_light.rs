@@ -183,6 +183,32 @@ mod tests {
         }
     }
 
+    /// With four samples, a tile's vectors cover fewer pixels than the pattern of points has, so that vectors have
+    /// different points.
+    #[test]
+    fn half_pictures_have_the_same_points_in_tiles_as_for_single_rays() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/table/globe.obj");
+        let shot = Shot { dressed: true, ..Shot::SQUARE };
+        let scene = Arc::new(load_scene_for(&path, &[], shot).unwrap().scene);
+        for half_light in [2, 4] {
+            let sampling = Sampling { first: 1, half_light, ..Sampling::all(6) };
+            let [tiles, single] = ["tile", "bvh"].map(|name| {
+                let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+                let strategy = preset(name).unwrap().strategy;
+                let local_size = strategy.local_size(&device.info.limits, [1, 1]);
+                let prepared = session.with_sampling(sampling).prepare(&strategy, [96, 64], local_size);
+                let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
+                let caster = caster.map_err(|refused| refused.reason()).unwrap();
+                caster.cast_parts(&scene.camera, &sampling).unwrap().expect("soft light").lit
+            });
+            let pixels = tiles.pixels.iter().zip(&single.pixels);
+            let apart = pixels.filter(|(a, b)| relative_difference(**a, **b, 1e-4) > 1e-3).count();
+            // At edges, rounding decides what a ray hits.
+            assert!(apart * 50 < tiles.pixels.len(), "{half_light} samples: {apart} pixels");
+        }
+    }
+
     /// At the edges of surfaces, a pixel's light consists of the surface's light, which is filtered, and of
     /// the background's light, which is not filtered.
     #[test]

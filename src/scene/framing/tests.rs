@@ -458,11 +458,43 @@ fn one_triangle_that_is_wound_wrongly_does_not_open_a_closed_mesh() {
     // A cube without a side has the same sum of area vectors as a cube with one reversed triangle.
     let open = Ball::around(&sides_of_box(Vec3::ZERO, Vec3::ONE, [1, 1, 1, 1, 1, 0]), DVec3::Y);
     assert!(open.is_open() && !open.is_closed());
+    // The largest triangle need not be the last one: a tiny closed box may follow.
+    let mut cube_and_box = sides_of_box(Vec3::ZERO, Vec3::ONE, [1; 6]);
+    cube_and_box.triangles[3].positions.reverse();
+    cube_and_box.append(sides_of_box(Vec3::splat(0.5), Vec3::splat(1e-3), [1; 6]));
+    normals::flatten(&mut cube_and_box);
+    assert!(Ball::around(&cube_and_box, DVec3::Y).is_closed());
     // A sheet is open, even if it has two triangles in the same place.
     let mut sheet = sides_of_box(Vec3::ZERO, Vec3::ONE, [0, 0, 0, 0, 0, 1]);
     sheet.triangles.truncate(1);
     sheet.append(sheet.clone());
     assert!(Ball::around(&sheet, DVec3::Y).is_open());
+}
+
+/// The sums of a large mesh are computed in several chunks. Each chunk has another side of the room and other parts of
+/// the body inside, so that the sums of all chunks differ.
+#[test]
+fn the_sums_of_a_large_mesh_are_those_over_all_its_triangles() {
+    let mut mesh = sides_of_box(Vec3::ZERO, Vec3::new(3.0, 2.0, 4.0), [-1, 1, -1, -1, 1, 0]);
+    mesh.append(sides_of_box(Vec3::new(1.0, 0.0, 1.5), Vec3::splat(0.8), [1, 1, 0, 1, -1, 1]));
+    let repeated = mesh.triangles.iter().flat_map(|triangle| std::iter::repeat_n(*triangle, 5000));
+    mesh.triangles = repeated.collect();
+    let (low, high) = mesh.bounds().unwrap();
+    let bounds = [low.as_dvec3(), high.as_dvec3()];
+    let mut expected = Areas::default();
+    for triangle in &mesh.triangles {
+        let corners = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+        expected.add(corners, front_sign(&mesh, triangle, corners), bounds);
+    }
+    let numbers = |areas: Areas| {
+        let Areas { vector, wound, area, largest, low_walls, high_walls, inner_vector, inner_area } = areas;
+        let vectors = [vector, wound, low_walls, high_walls, inner_vector].map(|sum| sum.to_array());
+        [vectors.as_flattened(), &[area, largest, inner_area]].concat()
+    };
+    let [sums, expected] = [Areas::of_mesh(&mesh, bounds), expected].map(numbers);
+    for (sum, expected) in sums.iter().zip(&expected) {
+        assert!((sum - expected).abs() < 1e-6 * (1.0 + expected.abs()), "{sums:?}, not {expected:?}");
+    }
 }
 
 #[test]
