@@ -2,9 +2,10 @@
 //! many nodes may place the same mesh, and many primitives may name the same accessors.
 
 use super::accessors::Numbers;
-use super::nodes::{PlacedNode, meshes_of};
+use super::nodes::meshes_of;
 use super::primitives::{Part, Sizes};
 use super::textures::ColourMap;
+use super::transforms::PlacedNode;
 use crate::error::Result;
 use crate::memory::Available;
 use crate::scene::Mapped;

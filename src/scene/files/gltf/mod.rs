@@ -13,6 +13,7 @@ mod memory;
 mod nodes;
 mod primitives;
 mod textures;
+mod transforms;
 
 use super::flaw::{Flaw, Named};
 use super::{MeshFile, Pictures};
@@ -37,7 +38,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     extensions::refuse(named, &root)?;
     let buffers = buffers::load(&root, reach, binary).map_err(|what| named.error(what).with_help(BUFFERS))?;
     let mut materials = materials::read(&root);
-    let placed = nodes::placed(&root).map_err(|what| named.error(what))?;
+    let placed = transforms::placed(&root).map_err(|what| named.error(what))?;
     let used = nodes::materials_of(&root, &placed);
     let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
     let files = Files { root: &root, buffers: &buffers, reach };

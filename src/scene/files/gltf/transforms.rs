@@ -1,0 +1,83 @@
+//! Computes the transforms of the nodes of a glTF file.
+
+use super::Flaw;
+use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
+use gltf::json::scene::Node;
+use gltf::json::{Index, Root};
+
+/// The remedy for a node that occurs in several places of the scene.
+const ONE_PARENT: &str = "glTF allows a node at most one parent: export the scene with one node per \
+     place (several nodes may name the same mesh)";
+
+/// A node of the scene, and the transform from the node's coordinates to the scene's coordinates.
+pub(super) type PlacedNode = (Index<Node>, DMat4);
+
+/// Returns the nodes of the file's default scene or, if this scene does not exist, of the first scene. If the
+/// file has no scene, returns the nodes without a parent and their descendants. A parent comes before its
+/// children.
+pub(super) fn placed(root: &Root) -> Result<Vec<PlacedNode>, Flaw> {
+    let scene = root.scene.and_then(|scene| root.get(scene)).or(root.scenes.first());
+    let mut next: Vec<PlacedNode> = match scene {
+        Some(scene) => scene.nodes.iter().map(|node| (*node, DMat4::IDENTITY)).collect(),
+        None => roots(root).map(|node| (node, DMat4::IDENTITY)).collect(),
+    };
+    next.reverse();
+    let (mut placed, mut visited) = (Vec::new(), vec![false; root.nodes.len()]);
+    // The list `next` has the nodes that are still to be visited. Recursive calls are not used, since they
+    // could overflow the call stack: nodes may be nested arbitrarily deep.
+    while let Some((index, parent)) = next.pop() {
+        let number = index.value();
+        let node = root.get(index).ok_or_else(|| format!("node {number} does not exist"))?;
+        if std::mem::replace(&mut visited[number], true) {
+            let twice = Flaw::from(format!("node {number} occurs twice in the scene; expected once"));
+            return Err(twice.with_remedy(ONE_PARENT));
+        }
+        let transform = parent * local(node);
+        if !transform.is_finite() {
+            return Err(format!("node {number} has a transform that is not finite").into());
+        }
+        placed.push((index, transform));
+        next.extend(node.children.iter().flatten().rev().map(|child| (*child, transform)));
+    }
+    Ok(placed)
+}
+
+fn roots(root: &Root) -> impl Iterator<Item = Index<Node>> {
+    let mut is_child = vec![false; root.nodes.len()];
+    for child in root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
+        if let Some(known) = is_child.get_mut(child.value()) {
+            *known = true;
+        }
+    }
+    is_child
+        .into_iter()
+        .enumerate()
+        .filter(|(_, is_child)| !is_child)
+        .map(|(number, _)| Index::new(number as u32))
+}
+
+/// Returns the transform from a node's coordinates to the coordinates of its parent.
+fn local(node: &Node) -> DMat4 {
+    if let Some(matrix) = node.matrix {
+        return DMat4::from_cols_array(&matrix.map(f64::from));
+    }
+    let vector =
+        |values: Option<[f32; 3]>, default| values.map_or(default, |v| Vec3::from_array(v).as_dvec3());
+    let rotation =
+        node.rotation.map_or(DQuat::IDENTITY, |rotation| DQuat::from_array(rotation.0.map(f64::from)));
+    let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+    DMat4::from_scale_rotation_translation(
+        vector(node.scale, DVec3::ONE),
+        rotation,
+        vector(node.translation, DVec3::ZERO),
+    )
+}
+
+/// Returns the matrix that transforms normals: the matrix of cofactors of `linear`, negated if the
+/// determinant is negative. The returned matrix is the inverse transpose of `linear` times a positive factor.
+/// Unlike the inverse of `linear`, the returned matrix also exists if the transform flattens the mesh.
+pub(super) fn normal_matrix(linear: DMat3) -> DMat3 {
+    let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
+    let turned = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+    if linear.determinant() < 0.0 { turned * -1.0 } else { turned }
+}
