@@ -85,7 +85,7 @@ impl<'a> Numbers<'a> {
 
     /// Returns the elements of an accessor (a list of numbers or vectors in a buffer). Each element must have
     /// `N` components.
-    fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
+    pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
         let number = index.value();
         let message = |what: String| format!("accessor {number}: {what}");
         let accessor = self.root.get(index).ok_or_else(|| message("it does not exist".to_owned()))?;

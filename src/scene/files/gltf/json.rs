@@ -43,7 +43,6 @@ fn tidied(json: &[u8]) -> Option<Read> {
     let top = value.as_object_mut()?;
     let animations = top.remove("animations");
     let animations = animations.as_ref().and_then(Value::as_array).map_or(0, Vec::len);
-    top.remove("skins");
     complete(top, "scenes", "nodes", &json!([]));
     for mesh in objects(top, "meshes") {
         complete(mesh, "primitives", "attributes", &json!({}));

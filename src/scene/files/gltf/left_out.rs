@@ -24,7 +24,10 @@ pub(super) struct LeftOut {
     pub ranges: usize,
     /// The number of lights that illuminate nothing.
     pub dark: usize,
-    pub skins: usize,
+    /// The number of primitives without joints or weights whose node has a skin.
+    pub jointless: usize,
+    /// The number of vertices with joints or weights that are not valid.
+    pub odd_influences: usize,
     pub targets: usize,
     pub clear_colours: usize,
     pub lines_and_points: usize,
@@ -44,6 +47,7 @@ impl LeftOut {
     /// Adds the counts of the primitive (a part of a mesh) `part`.
     pub fn add(&mut self, part: &Part) {
         self.odd_coordinates += part.odd_coordinates;
+        self.odd_influences += part.odd_influences;
         self.empty += part.empty;
         self.dangling += part.dangling;
         self.spare += part.spare;
@@ -83,7 +87,16 @@ impl LeftOut {
             (self.spots, "spot light", "shown as shining in all directions"),
             (self.ranges, "light with a range", "shown without it"),
             (self.dark, "light of intensity 0", "left out"),
-            (self.skins, "skinned mesh", "shown as stored, without joints"),
+            (
+                self.jointless,
+                "primitive of a skinned mesh without joints",
+                "shown with the transform of the mesh's node",
+            ),
+            (
+                self.odd_influences,
+                "vertex with joints or weights that are not valid",
+                "placed by the valid joints or, without any, by the skin's first joint",
+            ),
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
             (self.lines_and_points, "primitive of lines or points", "left out"),
@@ -153,15 +166,19 @@ mod tests {
             outside: 0,
             is_clear: false,
             coordinates: Vec::new(),
+            influences: Vec::new(),
+            is_placed: false,
             triangles: Vec::new(),
             material: 0,
             empty: count,
             dangling: 10 * count,
             spare: 100 * count,
             odd_coordinates: 1000 * count,
+            odd_influences: 10_000 * count,
         };
         let mut all = LeftOut::default();
         [1, 2].map(part).iter().for_each(|part| all.add(part));
         assert_eq!([all.empty, all.dangling, all.spare, all.odd_coordinates], [3, 30, 300, 3000]);
+        assert_eq!(all.odd_influences, 30_000);
     }
 }

@@ -10,8 +10,9 @@ use crate::error::Result;
 use crate::memory::Available;
 use crate::scene::Mapped;
 use crate::scene::mesh::Triangle;
-use glam::{DVec3, Vec3};
+use glam::{DMat4, DVec3, Vec3};
 use gltf::json::mesh::Primitive;
+use gltf::json::skin::Skin;
 
 /// Memory for a position of the whole mesh, in bytes: the position in double and in single precision, its
 /// normal and its colour.
@@ -23,6 +24,9 @@ const ELEMENT_BYTES: u64 = size_of::<[f64; 4]>() as u64;
 /// texture coordinates.
 const READ_BYTES: u64 = (2 * size_of::<DVec3>() + size_of::<Vec3>() + size_of::<[f32; 2]>()) as u64;
 
+/// Memory for a joint or an inverse bind matrix, in bytes.
+const MATRIX_BYTES: u64 = size_of::<DMat4>() as u64;
+
 /// Refuses a file whose meshes do not fit into the host's memory. A mesh counts as often as nodes place it.
 pub(super) fn hold(
     name: &str,
@@ -31,8 +35,20 @@ pub(super) fn hold(
     maps: &[Option<ColourMap>],
 ) -> Result<()> {
     let (stored, read) = needed(numbers, placed, maps);
-    let sum = format!("{stored} B for the meshes of all nodes + {read} B for reading the largest primitive");
-    Available::read().hold(stored.saturating_add(read), &format!("reading {name}"), &sum)
+    let skins = skins(numbers);
+    let sum = format!(
+        "{stored} B for the meshes of all nodes + {read} B for reading the largest primitive + {skins} B for skins"
+    );
+    let all = stored.saturating_add(read).saturating_add(skins);
+    Available::read().hold(all, &format!("reading {name}"), &sum)
+}
+
+/// Returns the memory for the joints of all skins and for reading the longest list of inverse bind matrices, in bytes.
+fn skins(numbers: Numbers<'_>) -> u64 {
+    let skins = &numbers.root.skins;
+    let joints: u64 = skins.iter().map(|skin| skin.joints.len() as u64).sum();
+    let inverses = |skin: &Skin| skin.inverse_bind_matrices.map_or(0, |index| numbers.count(index));
+    MATRIX_BYTES * (joints + skins.iter().map(inverses).max().unwrap_or(0))
 }
 
 /// Returns the memory for the whole mesh and the memory for reading its largest primitive, in bytes.
@@ -87,5 +103,16 @@ mod tests {
         let read = 700 * ELEMENT_BYTES + 600 * READ_BYTES;
         assert_eq!(of_nodes(&[2]), (small + large, read));
         assert_eq!(of_nodes(&[0, 1, 0]), (2 * small + large, read));
+    }
+
+    /// The skins have 3 joints together, and the longer list of inverse bind matrices has 100 elements.
+    #[test]
+    fn the_joints_of_all_skins_and_the_longest_list_of_inverse_bind_matrices_are_counted() {
+        let text = r#"{"asset": {"version": "2.0"}, "nodes": [{}], "skins": [
+{"joints": [0, 0], "inverseBindMatrices": 0}, {"joints": [0], "inverseBindMatrices": 1}],
+"accessors": [{"componentType": 5126, "count": 100, "type": "MAT4"},
+{"componentType": 5126, "count": 1, "type": "MAT4"}]}"#;
+        let root: Root = serde_json::from_str(text).unwrap();
+        assert_eq!(skins(Numbers::of_file(&root, &[])), 103 * MATRIX_BYTES);
     }
 }

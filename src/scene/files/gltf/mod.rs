@@ -12,6 +12,7 @@ mod materials;
 mod memory;
 mod nodes;
 mod primitives;
+mod skins;
 mod textures;
 mod transforms;
 

@@ -3,7 +3,8 @@
 use super::accessors::Numbers;
 use super::left_out::{self, LeftOut};
 use super::materials::uses_alpha;
-use super::primitives::{Part, Shape, mode_of};
+use super::primitives::{Part, mode_of};
+use super::skins::{self, Skin};
 use super::textures::ColourMap;
 use super::transforms::{PlacedNode, normal_matrix};
 use super::{Flaw, MeshFile, Parsed};
@@ -20,13 +21,15 @@ use gltf::json::extensions::scene::khr_lights_punctual as punctual;
 use gltf::json::mesh::Mesh as GltfMesh;
 use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
-use gltf::json::{Index, Root};
-use std::collections::HashSet;
+use gltf::json::{Index, Root, skin};
+use std::collections::{HashMap, HashSet};
 
 /// The data that were read from the scene's nodes so far. Positions are in the scene's coordinates, in double
 /// precision.
 pub(super) struct Walk<'a> {
     numbers: Numbers<'a>,
+    /// The skins of the scene's nodes, by their indices in the file.
+    skins: HashMap<usize, Skin>,
     positions: Vec<DVec3>,
     normals: Vec<Vec3>,
     /// Linear colours, one per position.
@@ -63,6 +66,7 @@ impl<'a> Walk<'a> {
     ) -> Result<Self, Flaw> {
         let mut walk = Self {
             numbers,
+            skins: skins::of_nodes(numbers, placed)?,
             positions: Vec::new(),
             normals: Vec::new(),
             colours: Vec::new(),
@@ -99,20 +103,25 @@ impl<'a> Walk<'a> {
         self.left_out.unplaced = meshes.len();
         meshes.into_iter().try_for_each(|mesh| {
             let within = |flaw: Flaw| flaw.within(&format!("mesh {}", mesh.value()));
-            self.add_mesh(mesh, DMat4::IDENTITY).map_err(within)
+            self.add_mesh(mesh, None, DMat4::IDENTITY).map_err(within)
         })
     }
 
     fn visit(&mut self, node: &Node, transform: DMat4) -> Result<(), Flaw> {
         if let Some(index) = node.mesh {
-            self.left_out.skins += usize::from(node.skin.is_some());
-            self.add_mesh(index, transform)?;
+            self.add_mesh(index, node.skin, transform)?;
         }
         self.add_camera(node, transform)?;
         Ok(self.add_light(node, transform)?)
     }
 
-    fn add_mesh(&mut self, index: Index<GltfMesh>, transform: DMat4) -> Result<(), Flaw> {
+    /// Adds a mesh. A primitive that `skin` does not place has the transform of its node.
+    fn add_mesh(
+        &mut self,
+        index: Index<GltfMesh>,
+        skin: Option<Index<skin::Skin>>,
+        transform: DMat4,
+    ) -> Result<(), Flaw> {
         self.starts.push(self.triangles.len() as u32);
         let first = self.positions.len();
         let mesh = self.numbers.root.get(index);
@@ -121,15 +130,18 @@ impl<'a> Walk<'a> {
             let has_targets = primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty());
             self.left_out.targets += usize::from(has_targets);
             let map = primitive.material.and_then(|index| self.maps.get(index.value()).copied().flatten());
-            match Part::read(&self.numbers, primitive, map.map(|map| map.set))? {
-                Shape::Triangles(part) => {
+            let joints = skin.and_then(|index| self.skins.get(&index.value()));
+            match Part::read(&self.numbers, primitive, map.map(|map| map.set), joints)? {
+                Some(part) => {
+                    self.left_out.jointless += usize::from(skin.is_some() && !part.is_placed);
+                    let transform = if part.is_placed { DMat4::IDENTITY } else { transform };
                     let material = primitive.material.and_then(|index| self.numbers.root.get(index));
                     let is_clear = part.is_clear && material.is_some_and(uses_alpha);
                     self.left_out.clear_colours += usize::from(is_clear);
                     self.left_out.add(&part);
                     self.add(part, map, transform)?;
                 }
-                Shape::Other => self.left_out.lines_and_points += 1,
+                None => self.left_out.lines_and_points += 1,
             }
         }
         // The index of a position in this list is not the index in the file, so the error names only the mesh.

@@ -3,6 +3,7 @@
 use super::Parsed;
 use super::accessors::Numbers;
 use super::materials::white;
+use super::skins::{Influences, Skin};
 use crate::scene::files::colours::is_outside;
 use glam::{DVec3, Vec3};
 use gltf::json::accessor::Accessor;
@@ -10,7 +11,7 @@ use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
 
-/// A part of a mesh (a primitive in glTF), in the coordinates of its node.
+/// A part of a mesh (a primitive in glTF), in the coordinates of its node or, if a skin places it, of the scene.
 pub(super) struct Part {
     pub positions: Vec<DVec3>,
     /// The normals: one per position, or none at all.
@@ -25,6 +26,10 @@ pub(super) struct Part {
     pub is_clear: bool,
     /// Texture coordinates: one pair per position, or none at all.
     pub coordinates: Vec<[f32; 2]>,
+    /// The sets of joints and weights, until a skin places the part.
+    pub influences: Vec<Influences>,
+    /// True if a skin has placed the part.
+    pub is_placed: bool,
     pub triangles: Vec<[u32; 3]>,
     /// The index of the material in `Materials::list`: the file's materials begin at 1. A part without a
     /// material has the index 0 or, if the part has colours, the index that [`white`] returns.
@@ -37,6 +42,8 @@ pub(super) struct Part {
     pub spare: usize,
     /// Number of texture coordinates that are not finite.
     pub odd_coordinates: usize,
+    /// Number of vertices with joints or weights that are not valid.
+    pub odd_influences: usize,
 }
 
 /// Upper limits of a part's sizes, computed from the numbers of elements of its accessors.
@@ -57,22 +64,30 @@ struct Used {
     colours: Option<Index<Accessor>>,
     coordinates: Option<Index<Accessor>>,
     indices: Option<Index<Accessor>>,
+    /// The sets of joints and their weights.
+    influences: Vec<[Index<Accessor>; 2]>,
 }
 
 impl Used {
-    fn of(primitive: &Primitive, set: Option<u32>) -> Self {
+    fn of(primitive: &Primitive, set: Option<u32>, is_skinned: bool) -> Self {
         let attribute = |wanted: Semantic| primitive.attributes.get(&Checked::Valid(wanted)).copied();
+        let influences = primitive.attributes.iter().filter_map(|(semantic, joints)| match semantic {
+            Checked::Valid(Semantic::Joints(set)) => Some([*joints, attribute(Semantic::Weights(*set))?]),
+            _ => None,
+        });
         Self {
             positions: attribute(Semantic::Positions),
             normals: attribute(Semantic::Normals),
             colours: attribute(Semantic::Colors(0)),
             coordinates: set.and_then(|set| attribute(Semantic::TexCoords(set))),
             indices: primitive.indices,
+            influences: influences.filter(|_| is_skinned).collect(),
         }
     }
 
     fn all(&self) -> impl Iterator<Item = Index<Accessor>> {
-        [self.positions, self.normals, self.colours, self.coordinates, self.indices].into_iter().flatten()
+        let single = [self.positions, self.normals, self.colours, self.coordinates, self.indices];
+        single.into_iter().flatten().chain(self.influences.iter().flatten().copied())
     }
 
     /// Returns the number of these accessors that store nothing.
@@ -81,22 +96,21 @@ impl Used {
     }
 }
 
-/// A primitive: triangles, or a kind that raycl does not show.
-pub(super) enum Shape {
-    Triangles(Part),
-    /// Lines, points, or a primitive without positions.
-    Other,
-}
-
 impl Part {
     /// Reads a primitive. `set` is the index of the set of texture coordinates that the texture of the primitive's
-    /// material uses. Returns an error if the primitive has normals, colours or texture coordinates, but not one for
-    /// each position.
-    pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Parsed<Shape> {
-        let used = Used::of(primitive, set);
+    /// material uses. `skin` places the vertices. Returns `None` for lines, points and a primitive without positions.
+    /// Returns an error if the primitive has normals, colours, texture coordinates or joints, but not one for each
+    /// position.
+    pub fn read(
+        numbers: &Numbers<'_>,
+        primitive: &Primitive,
+        set: Option<u32>,
+        skin: Option<&Skin>,
+    ) -> Parsed<Option<Self>> {
+        let used = Used::of(primitive, set, skin.is_some());
         // A primitive is left out if it has no positions, or if its mode is not triangles, strips or fans.
         // Positions from extensions are not read.
-        let (Some(mode), Some(index)) = (mode_of(primitive), used.positions) else { return Ok(Shape::Other) };
+        let (Some(mode), Some(index)) = (mode_of(primitive), used.positions) else { return Ok(None) };
         let vectors = |index: Index<Accessor>| {
             Ok::<_, String>(numbers.attribute::<3>(index)?.into_iter().map(DVec3::from_array).collect())
         };
@@ -118,6 +132,8 @@ impl Part {
                 return Err(format!("{count} {what} for {} positions", positions.len()));
             }
         }
+        let influences = used.influences.iter().map(|set| Influences::read(numbers, *set, positions.len()));
+        let influences = influences.collect::<Parsed<Vec<_>>>()?;
         let indices = corners(numbers, used.indices, positions.len())?;
         let material = material(numbers.root, primitive, !colours.is_empty())?;
         let (triangles, dangling) = existing(triangles(mode, &indices), positions.len());
@@ -131,21 +147,25 @@ impl Part {
             outside: 0,
             is_clear,
             coordinates,
+            influences,
+            is_placed: false,
             material,
             empty,
             dangling,
             spare: spare(mode, indices.len()),
             odd_coordinates,
+            odd_influences: 0,
         };
-        let mut part = part.compact();
+        let part = part.compact();
+        let mut part = if let Some(skin) = skin { part.placed_by(skin) } else { part };
         part.coloured = part.colours.len();
         part.outside = part.colours.iter().filter(|colour| is_outside(colour)).count();
-        Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part }))
+        Ok(Some(if part.normals.is_empty() { part.flat() } else { part }))
     }
 
     /// Returns upper limits of the sizes of a primitive, without reading its buffers.
     pub fn largest(numbers: &Numbers<'_>, primitive: &Primitive) -> Sizes {
-        let used = Used::of(primitive, Some(0));
+        let used = Used::of(primitive, Some(0), true);
         let (Some(mode), Some(index)) = (mode_of(primitive), used.positions) else { return Sizes::default() };
         let vertices = numbers.count(index);
         let corners = used.indices.map_or(vertices, |index| numbers.count(index));
@@ -171,14 +191,30 @@ impl Part {
         };
         let numbers: Vec<u32> = is_used.iter().map(number).collect();
         let triangles = self.triangles.iter().map(|corners| corners.map(|corner| numbers[corner as usize]));
+        let sets = self.influences.into_iter().map(|Influences { joints, weights }| Influences {
+            joints: only(joints, &is_used),
+            weights: only(weights, &is_used),
+        });
         Self {
             triangles: triangles.collect(),
             positions: only(self.positions, &is_used),
             normals: only(self.normals, &is_used),
             colours: only(self.colours, &is_used),
             coordinates: only(self.coordinates, &is_used),
+            influences: sets.collect(),
             ..self
         }
+    }
+
+    /// Moves the part to the scene's coordinates. A part without joints is not moved.
+    fn placed_by(mut self, skin: &Skin) -> Self {
+        let sets = std::mem::take(&mut self.influences);
+        self.is_placed = !sets.is_empty();
+        if self.is_placed {
+            let Self { positions, normals, triangles, .. } = &mut self;
+            self.odd_influences = skin.place(&sets, positions, normals, triangles);
+        }
+        self
     }
 
     /// Gives every triangle its own corners and the normal of its plane, since a mesh without normals has

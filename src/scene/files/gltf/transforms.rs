@@ -42,6 +42,24 @@ pub(super) fn placed(root: &Root) -> Result<Vec<PlacedNode>, Flaw> {
     Ok(placed)
 }
 
+/// Returns the transform of every node of the file to the coordinates of the scene, by the node's index. `placed` has
+/// the nodes of the shown scene. The transform of another node is the one that it has below the node without a parent
+/// from which it descends. The result is `None` for a node that descends only from itself.
+pub(super) fn worlds(root: &Root, placed: &[PlacedNode]) -> Vec<Option<DMat4>> {
+    let mut worlds = vec![None; root.nodes.len()];
+    placed.iter().for_each(|(node, transform)| worlds[node.value()] = Some(*transform));
+    let mut next: Vec<PlacedNode> = roots(root).map(|node| (node, DMat4::IDENTITY)).collect();
+    while let Some((index, above)) = next.pop() {
+        let (Some(node), Some(world @ None)) = (root.get(index), worlds.get_mut(index.value())) else {
+            continue;
+        };
+        let transform = above * local(node);
+        *world = Some(transform);
+        next.extend(node.children.iter().flatten().map(|child| (*child, transform)));
+    }
+    worlds
+}
+
 fn roots(root: &Root) -> impl Iterator<Item = Index<Node>> {
     let mut is_child = vec![false; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {

@@ -1,0 +1,142 @@
+//! Places the vertices of skinned meshes. A skin is a list of nodes, its joints. The joints place the vertices instead
+//! of the mesh's own node, whose transform has no effect (glTF 2.0, 3.7.3).
+
+use super::Parsed;
+use super::accessors::Numbers;
+use super::transforms::{PlacedNode, normal_matrix, worlds};
+use glam::{DMat3, DMat4, DVec3};
+use gltf::json::accessor::Accessor;
+use gltf::json::{Index, skin};
+use std::collections::HashMap;
+
+/// A skin whose joints have the transforms that the file's nodes have without animations.
+pub(super) struct Skin {
+    /// For each joint, the transform from the mesh's coordinates to the scene's coordinates: the product of the joint's
+    /// transform and its inverse bind matrix. The list is not empty.
+    joints: Vec<DMat4>,
+}
+
+/// A set of joints (`JOINTS_n`) and weights (`WEIGHTS_n`): for each vertex, the indices of four joints in the skin's
+/// list, and the weights of these joints.
+pub(super) struct Influences {
+    pub joints: Vec<[f64; 4]>,
+    pub weights: Vec<[f64; 4]>,
+}
+
+/// Reads the skins of the nodes `placed`. The key of a skin is its index in the file. A skin without joints is left
+/// out.
+pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<HashMap<usize, Skin>> {
+    let nodes = placed.iter().filter_map(|(node, _)| numbers.root.get(*node));
+    let used: Vec<_> = nodes.filter(|node| node.mesh.is_some()).filter_map(|node| node.skin).collect();
+    let worlds = if used.is_empty() { Vec::new() } else { worlds(numbers.root, placed) };
+    let mut skins = HashMap::new();
+    for index in used {
+        // Many nodes may name the same skin.
+        if skins.contains_key(&index.value()) {
+            continue;
+        }
+        let within = |what: String| format!("skin {}{what}", index.value());
+        let skin = numbers.root.get(index).ok_or_else(|| within(" does not exist".to_owned()))?;
+        let joints = joints(&numbers, skin, &worlds).map_err(|what| within(format!(": {what}")))?;
+        skins.insert(index.value(), Skin { joints });
+    }
+    skins.retain(|_, skin| !skin.joints.is_empty());
+    Ok(skins)
+}
+
+/// Returns, for each joint of a skin, the transform from the mesh's coordinates to the scene's coordinates.
+fn joints(numbers: &Numbers<'_>, skin: &skin::Skin, worlds: &[Option<DMat4>]) -> Parsed<Vec<DMat4>> {
+    let inverses = skin.inverse_bind_matrices.map(|index| numbers.of::<16>(index)).transpose()?;
+    if let Some(inverses) = inverses.as_ref().filter(|inverses| inverses.len() < skin.joints.len()) {
+        return Err(format!("{} inverse bind matrices for {} joints", inverses.len(), skin.joints.len()));
+    }
+    let inverse = |number: usize| match &inverses {
+        Some(inverses) => DMat4::from_cols_array(&inverses[number]),
+        None => DMat4::IDENTITY,
+    };
+    let joint = |(number, node): (usize, &Index<_>)| {
+        let node = node.value();
+        let world = worlds.get(node).ok_or_else(|| format!("node {node} does not exist"))?;
+        let world = world.ok_or_else(|| format!("node {node} descends from itself"))?;
+        let transform = world * inverse(number);
+        let message = || format!("joint {number} has a transform that is not finite");
+        transform.is_finite().then_some(transform).ok_or_else(message)
+    };
+    skin.joints.iter().enumerate().map(joint).collect()
+}
+
+impl Influences {
+    /// Reads a set of joints and weights. Returns an error if the set does not have `count` vertices.
+    pub fn read(
+        numbers: &Numbers<'_>,
+        [joints, weights]: [Index<Accessor>; 2],
+        count: usize,
+    ) -> Parsed<Self> {
+        // Joints may have any type of component, because indices that are not valid are noticed later.
+        let set = Self { joints: numbers.of::<4>(joints)?, weights: numbers.attribute::<4>(weights)? };
+        match [("joints", set.joints.len()), ("weights", set.weights.len())].iter().find(|(_, n)| *n != count)
+        {
+            Some((what, number)) => Err(format!("{number} {what} for {count} positions")),
+            None => Ok(set),
+        }
+    }
+
+    /// Returns pairs of the index of a joint and its weight, for one vertex.
+    fn of(&self, vertex: usize) -> impl Iterator<Item = (f64, f64)> {
+        self.joints[vertex].into_iter().zip(self.weights[vertex])
+    }
+}
+
+impl Skin {
+    /// Moves vertices from the mesh's coordinates to the scene's coordinates, and swaps two corners of each mirrored
+    /// triangle. `normals` may be empty. Returns the number of vertices with joints or weights that are not valid.
+    pub fn place(
+        &self,
+        sets: &[Influences],
+        positions: &mut [DVec3],
+        normals: &mut [DVec3],
+        triangles: &mut [[u32; 3]],
+    ) -> usize {
+        let (mut odd, mut is_mirrored) = (0, Vec::with_capacity(positions.len()));
+        for (vertex, position) in positions.iter_mut().enumerate() {
+            let (transform, is_odd) = self.blended(sets, vertex);
+            odd += usize::from(is_odd);
+            *position = transform.transform_point3(*position);
+            let linear = DMat3::from_mat4(transform);
+            is_mirrored.push(linear.determinant() < 0.0);
+            if let Some(normal) = normals.get_mut(vertex) {
+                *normal = (normal_matrix(linear) * *normal).normalize_or_zero();
+            }
+        }
+        for corners in triangles {
+            // The corners of a triangle between two joints may disagree, so the majority of them decides.
+            if corners.iter().filter(|corner| is_mirrored[**corner as usize]).count() > 1 {
+                corners.swap(1, 2);
+            }
+        }
+        odd
+    }
+
+    /// Returns the average of a vertex's joints by their weights, and true if some of its joints or weights are not
+    /// valid. Joints that do not exist, and weights that are negative or not finite, do not count. If nothing remains,
+    /// the result is the transform of the skin's first joint, and true.
+    fn blended(&self, sets: &[Influences], vertex: usize) -> (DMat4, bool) {
+        let (mut sum, mut total, mut is_odd) = (DMat4::ZERO, 0.0, false);
+        for (joint, weight) in sets.iter().flat_map(|set| set.of(vertex)).filter(|(_, weight)| *weight != 0.0)
+        {
+            match self.joint(joint).filter(|_| weight > 0.0 && weight.is_finite()) {
+                Some(transform) => {
+                    sum += *transform * weight;
+                    total += weight;
+                }
+                None => is_odd = true,
+            }
+        }
+        if total > 0.0 { (sum * total.recip(), is_odd) } else { (self.joints[0], true) }
+    }
+
+    fn joint(&self, index: f64) -> Option<&DMat4> {
+        let is_index = index >= 0.0 && index.fract() == 0.0;
+        self.joints.get(index as usize).filter(|_| is_index)
+    }
+}
