@@ -195,7 +195,7 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let reach =
         |corner| turns.iter().map(|turn| reach_after(turn, corner)).fold([f64::NEG_INFINITY; 5], most);
     // Triangles share corners, so it is faster to visit each position once.
-    let is_corner = mesh.positions_of_triangles();
+    let is_corner = mesh.visible_positions();
     let corners = mesh.positions.par_iter().zip(is_corner).with_min_len(PARALLEL_TRIANGLES);
     let reaches = corners.filter(|(_, is_corner)| *is_corner).map(|(position, _)| reach(*position));
     let [east, west, north, south, nearest] = reaches.reduce(|| [f64::NEG_INFINITY; 5], most);

@@ -124,20 +124,44 @@ impl Mesh {
         dark
     }
 
+    /// Returns true if two corners of a triangle are at the same position. Such a triangle has no area, so no ray hits
+    /// it.
+    fn is_collapsed(&self, triangle: &Triangle) -> bool {
+        let [a, b, c] = self.corners(triangle);
+        a == b || b == c || c == a
+    }
+
     /// Returns one value for each position: true if the position is the corner of a triangle.
     pub(super) fn positions_of_triangles(&self) -> Vec<bool> {
+        self.positions_of(|_| true)
+    }
+
+    /// Returns one value for each position: true if the position is the corner of a triangle that a ray can hit, or of
+    /// any triangle if no ray can hit one. Triangles that are [collapsed](Self::is_collapsed) do not count.
+    pub(super) fn visible_positions(&self) -> Vec<bool> {
+        let visible = self.positions_of(|triangle| !self.is_collapsed(triangle));
+        if visible.contains(&true) { visible } else { self.positions_of_triangles() }
+    }
+
+    fn positions_of(&self, counts: impl Fn(&Triangle) -> bool + Sync) -> Vec<bool> {
         let is_corner: Vec<_> = self.positions.iter().map(|_| AtomicBool::new(false)).collect();
         let mark = |index: u32| is_corner[index as usize].store(true, Ordering::Relaxed);
         let triangles = self.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
-        triangles.for_each(|triangle| triangle.positions.into_iter().for_each(mark));
+        triangles
+            .filter(|triangle| counts(triangle))
+            .for_each(|triangle| triangle.positions.into_iter().for_each(mark));
         is_corner.into_iter().map(AtomicBool::into_inner).collect()
     }
 
-    /// Returns the smallest and the largest corner of the bounding box; `None` if the mesh has no triangles.
+    /// Returns the smallest and the largest corner of the bounding box of the triangles that a ray can hit, or of all
+    /// triangles if no ray can hit one; `None` if the mesh has no triangles. Triangles that are
+    /// [collapsed](Self::is_collapsed) do not count: some programs leave them far from the object.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let join = |(a, b): (Vec3, Vec3), (c, d)| (a.min(c), b.max(d));
         let bounds = |t| self.corners(t).map(|p| (p, p)).into_iter().reduce(join);
-        self.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).filter_map(bounds).reduce_with(join)
+        let triangles = || self.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
+        let visible = triangles().filter(|t| !self.is_collapsed(t)).filter_map(bounds).reduce_with(join);
+        visible.or_else(|| triangles().filter_map(bounds).reduce_with(join))
     }
 
     /// Assigns the first material to all triangles, and removes all other materials.
@@ -210,6 +234,28 @@ mod tests {
         let count = lamp().triangles.len();
         let expected = [vec![WHITE; count], coloured.corner_colours, vec![WHITE; count]].concat();
         assert_eq!(all.corner_colours, expected);
+    }
+
+    /// A triangle with two corners at the same position is counted only if there is no other triangle.
+    #[test]
+    fn triangles_that_no_ray_hits_do_not_enlarge_a_mesh() {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::splat(9.0), Vec3::splat(9.0)];
+        let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
+        let of = |triangles: &[[u32; 3]]| Mesh {
+            positions: positions.clone(),
+            triangles: triangles.iter().copied().map(triangle).collect(),
+            ..Mesh::default()
+        };
+        let small = (Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0));
+        for collapsed in [[3, 3, 3], [3, 3, 0], [0, 3, 3], [3, 0, 3], [3, 4, 1]] {
+            let mesh = of(&[collapsed, [0, 1, 2]]);
+            assert_eq!(mesh.bounds(), Some(small), "{collapsed:?}");
+            assert_eq!(mesh.visible_positions(), [true, true, true, false, false], "{collapsed:?}");
+        }
+        let alone = of(&[[3, 3, 0]]);
+        assert_eq!(alone.bounds(), Some((Vec3::ZERO, Vec3::splat(9.0))));
+        assert_eq!(alone.visible_positions(), [true, false, false, true, false]);
+        assert_eq!(of(&[[3, 3, 3], [0, 1, 2]]).positions_of_triangles(), [true, true, true, true, false]);
     }
 
     #[test]

@@ -133,7 +133,8 @@ fn length(vector: DVec3) -> f64 {
 }
 
 /// Returns positions in single precision, and their placement (how they were moved and scaled). If there are triangles,
-/// the placement depends only on positions that triangles use. Positions that no triangle uses need not be finite:
+/// the placement depends only on positions that triangles use. Triangles with two corners at the same position, which
+/// no ray hits, do not count if there are others. Positions that no triangle uses need not be finite:
 /// scanners write NaN or zeros for points that they did not measure. Returns an error if a triangle uses a position
 /// that is not valid.
 pub(super) fn settle(positions: &[DVec3], triangles: &[Triangle]) -> Result<(Vec<Vec3>, Placement), Flaw> {
@@ -149,10 +150,17 @@ pub(super) fn settle_if(
     if !positions.iter().all(is_valid) {
         check(positions, triangles)?;
     }
-    let corners = triangles.iter().flat_map(|triangle| triangle.positions);
-    let wanted = match triangles {
-        [] => placement_of(positions.iter()),
-        _ => placement_of(corners.map(|corner| &positions[corner as usize])),
+    let corners = |triangle: &Triangle| triangle.positions.map(|corner| &positions[corner as usize]);
+    let is_visible = |triangle: &&Triangle| {
+        let [a, b, c] = corners(triangle);
+        a != b && b != c && c != a
+    };
+    let wanted = if triangles.iter().any(|triangle| is_visible(&triangle)) {
+        placement_of(triangles.iter().filter(is_visible).flat_map(corners))
+    } else if triangles.is_empty() {
+        placement_of(positions.iter())
+    } else {
+        placement_of(triangles.iter().flat_map(corners))
     };
     let placement = if fits(&wanted) { wanted } else { Placement { scale: 1.0, ..wanted } };
     // A position that is not valid, and that no triangle uses, is replaced by a position that does not
@@ -235,6 +243,20 @@ mod tests {
             let (positions, placement) = settle(&corners, &[triangle([0, 1, 2])]).expect("valid positions");
             assert_eq!((placement.origin, placement.scale), (DVec3::ZERO, scale), "{edge:e}");
             assert!(positions[3].x >= 1e11 && positions[3].x <= MAX_COORDINATE, "{edge:e}: {positions:?}");
+        }
+    }
+
+    #[test]
+    fn a_triangle_that_no_ray_hits_does_not_decide_the_placement_beside_others() {
+        let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::X * 1e11];
+        let placement = |triangles: &[[u32; 3]]| {
+            let triangles: Vec<_> = triangles.iter().copied().map(triangle).collect();
+            settle(&corners, &triangles).expect("valid positions").1
+        };
+        for collapsed in [[3, 3, 3], [3, 3, 0], [0, 3, 3], [3, 0, 3]] {
+            assert_eq!(placement(&[collapsed, [0, 1, 2]]), Placement::IDENTITY, "{collapsed:?}");
+            assert_ne!(placement(&[collapsed]), Placement::IDENTITY, "{collapsed:?}");
         }
     }
 

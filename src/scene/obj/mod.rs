@@ -241,8 +241,8 @@ fn exact_placement(
     bounds.map_or(Placement::IDENTITY, |(low, high)| Placement::of(low, high))
 }
 
-/// Returns the placement (how the mesh is moved and scaled), computed only from vertices that triangles use.
-/// Returns `None` if the computed placement equals `placement`, the placement that was computed from all
+/// Returns the placement (how the mesh is moved and scaled), computed only from vertices of triangles that a ray can
+/// hit. Returns `None` if the computed placement equals `placement`, the placement that was computed from all
 /// vertices of the file. Also returns `None` if `reading.placement` is already set, or if the mesh has no
 /// triangles. If a placement is returned, the mesh must be read again, because `placement` moves or scales it
 /// wrongly.
@@ -262,7 +262,7 @@ fn placement_of_used(
     if reading.placement.is_some() || is_usual || is_whole() {
         return None;
     }
-    let used = mesh.positions_of_triangles();
+    let used = mesh.visible_positions();
     let counts = |piece: usize, number: usize| used[starts[piece].positions + number];
     let wanted = exact_placement(chunks, points, reading, counts);
     (wanted != placement).then_some(wanted)
