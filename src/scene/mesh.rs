@@ -137,7 +137,7 @@ impl Mesh {
     }
 
     /// Returns one value for each position: true if the position is the corner of a triangle that a ray can hit, or of
-    /// any triangle if no ray can hit one. Triangles that are [collapsed](Self::is_collapsed) do not count.
+    /// any triangle if no ray can hit one.
     pub(super) fn visible_positions(&self) -> Vec<bool> {
         let visible = self.positions_of(|triangle| !self.is_collapsed(triangle));
         if visible.contains(&true) { visible } else { self.positions_of_triangles() }
@@ -154,8 +154,8 @@ impl Mesh {
     }
 
     /// Returns the smallest and the largest corner of the bounding box of the triangles that a ray can hit, or of all
-    /// triangles if no ray can hit one; `None` if the mesh has no triangles. Triangles that are
-    /// [collapsed](Self::is_collapsed) do not count: some programs leave them far from the object.
+    /// triangles if no ray can hit one; `None` if the mesh has no triangles. No ray hits a triangle with two corners at
+    /// the same position; some programs leave such triangles far from the object.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let join = |(a, b): (Vec3, Vec3), (c, d)| (a.min(c), b.max(d));
         let bounds = |t| self.corners(t).map(|p| (p, p)).into_iter().reduce(join);
