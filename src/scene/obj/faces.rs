@@ -4,6 +4,7 @@ use super::coordinates::Coordinates;
 use super::odd::Odd;
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
+use super::smoothing::{self, Smoothing};
 use super::text::{
     Chunk, Mistake, Seen, Source, after_blanks, keyword, leading_index, possible_names, quoted, tokens, words,
 };
@@ -14,14 +15,15 @@ use crate::words::{counted, counted_are};
 use glam::Vec3;
 use std::collections::{BTreeSet, HashMap};
 
-/// The numbers of positions, normals and texture coordinates before a piece of the file, and the name of the
-/// material that is current where the piece begins.
+/// The numbers of positions, normals and texture coordinates before a piece of the file, and the names of the
+/// material and the smoothing group that are current where the piece begins.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Start<'a> {
     pub positions: usize,
     pub normals: usize,
     pub coordinates: usize,
     material: &'a str,
+    smoothing: &'a str,
 }
 
 /// Returns a [`Start`] for each piece of the file, and then one for the end of the file. `coordinates` has
@@ -34,6 +36,7 @@ pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Coordinates]) 
         start.positions += chunk.positions.len();
         start.normals += chunk.normals.len();
         start.material = chunk.last_material.as_deref().unwrap_or(start.material);
+        start.smoothing = chunk.last_smoothing.as_deref().unwrap_or(start.smoothing);
         starts.push(start);
     }
     starts
@@ -73,6 +76,8 @@ pub(super) struct FaceChunk {
     lost_normals: Seen,
     /// Faces with fewer than three corners.
     short: Seen,
+    /// The smoothing groups, which raycl does not read.
+    pub smoothing: Smoothing,
 }
 
 /// Reads the faces of a piece of the file. `triangles` is an empty list whose memory is reused: it becomes
@@ -83,7 +88,8 @@ pub(super) fn read(
     start: &Start,
     triangles: Vec<Triangle>,
 ) -> Result<FaceChunk, Mistake> {
-    let mut faces = FaceChunk { triangles, ..FaceChunk::default() };
+    let smoothing = Smoothing::starting(start.smoothing);
+    let mut faces = FaceChunk { triangles, smoothing, ..FaceChunk::default() };
     let mut seen = *start;
     let mut material = faces.material(context, start.material);
     let mut corners = Vec::new();
@@ -93,6 +99,7 @@ pub(super) fn read(
             (b"vn", _) => seen.normals += 1,
             (b"vt", _) => seen.coordinates += 1,
             (b"usemtl", rest) => material = faces.material(context, &words(rest)),
+            (b"s", rest) => faces.smoothing.begin(smoothing::group(rest)),
             // Older versions of OBJ write `fo` for `f`.
             (b"f" | b"fo", rest) => {
                 let read = read_corners(context, &seen, rest, &mut corners);
@@ -103,6 +110,7 @@ pub(super) fn read(
             _ => {}
         }
     }
+    faces.smoothing.begin(String::new());
     Ok(faces)
 }
 
@@ -169,7 +177,12 @@ impl FaceChunk {
         let complete = corners.iter().all(|corner| corner.1 != MISSING);
         let mut push = |[a, b, c]: [usize; 3]| {
             let [a, b, c] = [corners[a], corners[b], corners[c]];
-            let normals = if complete { [a.1, b.1, c.1] } else { [MISSING; 3] };
+            let normals = if complete {
+                [a.1, b.1, c.1]
+            } else {
+                self.smoothing.count();
+                [MISSING; 3]
+            };
             self.triangles.push(Triangle { positions: [a.0, b.0, c.0], normals, material });
             if context.mapped {
                 self.coordinate_indices.push([a.2, b.2, c.2]);
@@ -394,7 +407,7 @@ mod tests {
 
     /// A file with 50 vertices, 7 texture coordinates and 5 normals, of which the third is not valid.
     fn context(materials: &HashMap<String, u32>, mapped: bool) -> FaceContext<'_> {
-        let total = Start { positions: 50, coordinates: 7, normals: 5, material: "" };
+        let total = Start { positions: 50, coordinates: 7, normals: 5, ..Start::default() };
         FaceContext { positions: &[], odd_normals: &[Odd { number: 2, offset: 0 }], total, materials, mapped }
     }
 
@@ -440,13 +453,15 @@ mod tests {
     }
 
     #[test]
-    fn a_material_goes_on_through_all_pieces_that_name_none() {
+    fn a_material_and_a_smoothing_group_go_on_through_all_pieces_that_name_none() {
         let piece = |name: Option<&str>| PointChunk {
             last_material: name.map(str::to_owned),
+            last_smoothing: name.map(str::to_owned),
             ..PointChunk::default()
         };
         let points = [None, Some("a"), None, None, Some("b")].map(piece);
-        let materials: Vec<&str> = starts(&points, &[]).iter().map(|start| start.material).collect();
-        assert_eq!(materials, ["", "", "a", "a", "a", "b"]);
+        let names: Vec<_> =
+            starts(&points, &[]).iter().map(|start| [start.material, start.smoothing]).collect();
+        assert_eq!(names, ["", "", "a", "a", "a", "b"].map(|name| [name; 2]));
     }
 }

@@ -20,6 +20,7 @@ mod notes;
 mod odd;
 mod points;
 mod polygon;
+mod smoothing;
 mod text;
 mod textures;
 mod values;
@@ -161,7 +162,8 @@ fn add_notes(
     faces::note_odd_faces(faces, source, notes);
     faces::note_unknown_materials(faces, points::are_coloured(points), source.quotes, notes);
     points::note_colours(points, source, notes);
-    notes::of_statements(points, mesh, source.quotes, notes);
+    smoothing::note(faces.iter().map(|chunk| &chunk.smoothing), notes);
+    notes::of_statements(points, source.quotes, notes);
     notes::of_materials(asked, mesh, source.quotes, notes);
 }
 

@@ -4,6 +4,7 @@
 
 use super::asked::Asked;
 use super::odd::Odd;
+use super::smoothing;
 use super::text::{
     Chunk, Mistake, Seen, Source, decimal, keyword, number, quoted, tokens, usual_vector, words,
 };
@@ -12,7 +13,6 @@ use crate::scene::files::{Placement, is_outside, linear, note_clear, note_outsid
 use crate::scene::validate::MAX_COORDINATE;
 use crate::words::counted;
 use glam::{DVec3, Vec3};
-use std::collections::BTreeSet;
 
 /// The colour of a vertex for which the file has no colour. Channels of colours are later limited to 1, so a
 /// vertex without a colour becomes white.
@@ -118,8 +118,8 @@ pub(super) struct PointChunk {
     pub alphas: Vec<f32>,
     /// Vertices with a colour that is not valid. These vertices count as vertices without a colour.
     pub odd_colours: Seen,
-    /// The smoothing groups in `s` lines, including `off`.
-    pub smoothing: BTreeSet<String>,
+    /// The smoothing group of the last `s` line of the piece; `None` if there is no `s` line.
+    pub last_smoothing: Option<String>,
     /// The vertices with only two coordinates.
     pub flat: Vec<Odd>,
     /// The vertices that are not valid. In `positions`, the coordinates of vertices that are not valid are
@@ -238,9 +238,7 @@ pub(super) fn read(chunk: &Chunk, reading: &Reading) -> PointChunk {
             (b"f" | b"fo" | b"vt" | b"", _) => {}
             (b"mtllib", rest) => points.libraries.push(words(rest)),
             (b"usemtl", rest) => points.last_material = Some(words(rest)),
-            (b"s", rest) => {
-                points.smoothing.insert(smoothing_group(rest));
-            }
+            (b"s", rest) => points.last_smoothing = Some(smoothing::group(rest)),
             (word, rest) => wishes::of_line(&mut points.asked, word, rest),
         }
     }
@@ -305,14 +303,6 @@ pub(super) fn note_flat(chunks: &[PointChunk], notes: &mut Vec<String>) {
     let flat = chunks.iter().map(|chunk| chunk.flat.len()).sum();
     let note = || format!("{} with two numbers each: z is 0", counted(flat, "vertex"));
     notes.extend((flat > 0).then(note));
-}
-
-/// Returns the name of a smoothing group; `off` if the line has no name, `0` or `off`.
-fn smoothing_group(rest: &[u8]) -> String {
-    match tokens(rest).next() {
-        None | Some(b"0" | b"off") => "off".to_owned(),
-        Some(group) => words(group),
-    }
 }
 
 /// Returns the error for a vertex that is not valid. `scaled` is true if the mesh may be scaled: the limit of its

@@ -330,6 +330,7 @@ fn what_a_mesh_asks_for_is_noted_by_name_and_count() {
         ("foo\nbar", "unknown keywords of 2 statements are ignored (`bar` 1, `foo` 1)"),
         ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
+        ("f 1 2 3\ns 1\nf 1 2 3\ns 0", "smoothing groups (s) are not read: 2 triangles"),
         (
             "usemtl None",
             "is defined in no MTL file (material `None`): the default, k_L 0.8 (grey), is used, unless the scene sets",
@@ -346,6 +347,11 @@ fn what_a_mesh_asks_for_is_noted_by_name_and_count() {
     let without =
         "o a\ng b c\ns 1\nmg off\nvt 0 0\nv 0 0 0 1\nvp 1\nbevel off\nusemap off\n# l 1 2\n\nf 1/1 2/1 3/1";
     assert_eq!(notes_of(without, ""), Vec::<String>::new());
+    // Only a group's own triangles without normals can have an edge that raycl makes smooth.
+    for fine in ["s off\ns 1", "s 1\nf 1 2 3\ns 2\ns 1", "s off\nvn 0 0 1\nf 1//1 2//1 3//1\ns 1"] {
+        assert_eq!(notes_of(fine, ""), Vec::<String>::new(), "{fine}");
+    }
+    assert_eq!(read(&format!("{CORNERS}f 1 2 3\ns off\n")).unwrap().notes, Vec::<String>::new());
     let last_lacks_normals = "s off\nvn 0 0 1\nf 1//1 2//1 3//1";
     assert_eq!(notes_of(last_lacks_normals, "").len(), 1);
 }

@@ -1,0 +1,64 @@
+//! Smoothing groups: by lines `s`, a file says which faces are smooth together. raycl does not read these groups; a
+//! note counts the triangles that are therefore smooth.
+
+use super::text::{tokens, words};
+use crate::words::counted_are;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The name of the group of faces that are not smooth.
+const OFF: &str = "off";
+
+/// The smoothing groups of a piece of the file, and the numbers of their triangles without normals.
+#[derive(Default)]
+pub(super) struct Smoothing {
+    /// The current group; empty before the file's first line `s`.
+    group: String,
+    /// The number of triangles without normals in the current group since its line `s` or the piece's beginning.
+    recent: usize,
+    /// The number of triangles without normals in each other group that has such triangles.
+    triangles: BTreeMap<String, usize>,
+}
+
+impl Smoothing {
+    /// Returns the groups of a piece that begins in the group `group`.
+    pub fn starting(group: &str) -> Self {
+        Self { group: group.to_owned(), ..Self::default() }
+    }
+
+    /// Counts a triangle without normals.
+    pub fn count(&mut self) {
+        self.recent += 1;
+    }
+
+    /// Ends the current group and begins the group `group`.
+    pub fn begin(&mut self, group: String) {
+        let ended = std::mem::replace(&mut self.group, group);
+        let triangles = std::mem::take(&mut self.recent);
+        if triangles > 0 && !ended.is_empty() {
+            *self.triangles.entry(ended).or_default() += triangles;
+        }
+    }
+}
+
+/// Returns the name of the group in a line `s`; `off` if the line has no name, `0` or `off`.
+pub(super) fn group(rest: &[u8]) -> String {
+    match tokens(rest).next() {
+        None | Some(b"0" | b"off") => OFF.to_owned(),
+        Some(group) => words(group),
+    }
+}
+
+/// Adds a note on smoothing groups if the file asks for an edge that is not smooth. `pieces` has the groups of all
+/// pieces of the file.
+pub(super) fn note<'a>(pieces: impl Iterator<Item = &'a Smoothing>, notes: &mut Vec<String>) {
+    let counts: Vec<_> = pieces.flat_map(|piece| &piece.triangles).collect();
+    let groups: BTreeSet<_> = counts.iter().map(|(group, _)| group.as_str()).collect();
+    // A single smoothing group needs no note, since all faces without normals become smooth anyway.
+    if groups.len() > 1 || groups.contains(OFF) {
+        notes.push(format!(
+            "smoothing groups (s) are not read: {} smooth. A `crease` in the scene (a bare mesh has a default) keeps \
+             edges with a larger angle sharp; flat = true in an [[object]] gives every face its own normal",
+            counted_are(counts.iter().map(|(_, count)| **count).sum(), "triangle without normals")
+        ));
+    }
+}
