@@ -1,6 +1,6 @@
 //! The buffers of a glTF file: embedded as base64, in separate files, or at the end of a binary file.
 
-use super::Parsed;
+use super::{Flaw, Parsed};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use crate::scene::obj::{Reach, quoted_name};
@@ -14,6 +14,9 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+/// The remedy for a file that cannot be read although a buffer names it.
+const FILES: &str = "put the files that a glTF file names into the folder of the glTF file, or export everything as one .glb file";
+
 /// The bytes of a buffer. Buffers that name the same file share its bytes.
 pub(super) type Bytes<'a> = Rc<Cow<'a, [u8]>>;
 
@@ -23,7 +26,7 @@ pub(super) fn load<'a>(
     root: &Root,
     reach: Reach<'_>,
     binary: Option<Cow<'a, [u8]>>,
-) -> Parsed<Vec<Bytes<'a>>> {
+) -> Result<Vec<Bytes<'a>>, Flaw> {
     let mut binary = binary;
     let mut files = HashMap::new();
     root.buffers
@@ -31,12 +34,14 @@ pub(super) fn load<'a>(
         .enumerate()
         .map(|(number, buffer)| {
             let bytes = read(buffer, reach, binary.take(), &mut files)
-                .map_err(|what| format!("buffer {number}: {what}"))?;
+                .map_err(|flaw| flaw.within(&format!("buffer {number}")))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
                 // Every buffer that is empty although the file states bytes is refused here, because such a
                 // buffer would not be noticed later if no accessor uses it.
-                0 if expected > 0 => Err(format!("buffer {number} is empty; expected {expected} bytes")),
+                0 if expected > 0 => {
+                    Err(format!("buffer {number} is empty; expected {expected} bytes").into())
+                }
                 _ => Ok(bytes),
             }
         })
@@ -48,18 +53,23 @@ fn read<'a>(
     reach: Reach<'_>,
     binary: Option<Cow<'a, [u8]>>,
     files: &mut HashMap<PathBuf, Bytes<'a>>,
-) -> Parsed<Bytes<'a>> {
-    let quotes = reach.permitted.quotes;
+) -> Result<Bytes<'a>, Flaw> {
     let Some(uri) = &buffer.uri else {
-        return binary
-            .map(Rc::new)
-            .ok_or_else(|| "it has no URI, and the file has no binary part".to_owned());
+        return binary.map(Rc::new).ok_or_else(|| "it has no URI, and the file has no binary part".into());
     };
     if uri.starts_with("data:") {
         let bytes = decoded(uri).map(|bytes| Rc::new(Cow::Owned(bytes)));
-        return bytes
-            .map_err(|why| if quotes { format!("it {why}") } else { "its data: URI is damaged".to_owned() });
+        let quotes = reach.permitted.quotes;
+        return bytes.map_err(|why| {
+            if quotes { format!("it {why}") } else { "its data: URI is damaged".to_owned() }.into()
+        });
     }
+    named(uri, reach, files).map_err(|what| Flaw::from(what).with_remedy(FILES))
+}
+
+/// Returns the bytes of the file that a buffer's URI names.
+fn named<'a>(uri: &str, reach: Reach<'_>, files: &mut HashMap<PathBuf, Bytes<'a>>) -> Parsed<Bytes<'a>> {
+    let quotes = reach.permitted.quotes;
     let shown = |name: &str| if quotes { quoted_name(name) } else { "its URI".to_owned() };
     if uri.contains("://") {
         return Err(format!("{} is not a file; nothing is downloaded", shown(uri)));
@@ -117,8 +127,13 @@ pub(super) fn unescaped(uri: &str) -> String {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
+    use super::super::Named;
     use super::*;
     use crate::scene::obj::Permitted;
+
+    fn message(flaw: Flaw) -> String {
+        Named { name: "a", quotes: true }.error(flaw).to_string()
+    }
 
     #[test]
     fn a_file_that_several_buffers_name_is_read_once() {
@@ -135,17 +150,17 @@ mod tests {
 
     #[test]
     fn only_the_first_buffer_is_the_binary_part_of_a_file() {
-        let loaded = |buffers: &str| -> Parsed<Vec<Vec<u8>>> {
+        let loaded = |buffers: &str| -> Result<Vec<Vec<u8>>, String> {
             let text = format!(r#"{{"asset": {{"version": "2.0"}}, "buffers": [{buffers}]}}"#);
             let root: Root = serde_json::from_str(&text).unwrap();
             let permitted = Permitted { beyond: false, quotes: true, scaled: false };
             let reach = Reach { folder: Path::new(""), permitted };
-            let buffers = load(&root, reach, Some(Cow::Borrowed(&b"123"[..])))?;
+            let buffers = load(&root, reach, Some(Cow::Borrowed(&b"123"[..]))).map_err(message)?;
             Ok(buffers.iter().map(|bytes| bytes.to_vec()).collect())
         };
         let own = r#"{"byteLength": 3}"#;
         assert_eq!(loaded(own), Ok(vec![b"123".to_vec()]));
-        let expected = "buffer 1: it has no URI, and the file has no binary part".to_owned();
+        let expected = "a: buffer 1: it has no URI, and the file has no binary part".to_owned();
         for first in [own, r#"{"uri": "data:;base64,AQID", "byteLength": 3}"#] {
             assert_eq!(loaded(&format!("{first}, {own}")), Err(expected.clone()), "{first}");
         }
@@ -172,10 +187,10 @@ mod tests {
             let text = format!(r#"{{"asset": {{"version": "2.0"}}, "buffers": [{buffer}]}}"#);
             let root: Root = serde_json::from_str(&text).unwrap();
             let permitted = Permitted { beyond: false, quotes: true, scaled: false };
-            load(&root, Reach { folder: Path::new(""), permitted }, None).unwrap_err()
+            message(load(&root, Reach { folder: Path::new(""), permitted }, None).unwrap_err())
         };
-        assert_eq!(error("data:,abc"), "buffer 0: it is a data: URI without base64");
-        let damaged = "buffer 0: it has damaged base64 (Invalid symbol 33, offset 0)";
+        assert_eq!(error("data:,abc"), "a: buffer 0: it is a data: URI without base64");
+        let damaged = "a: buffer 0: it has damaged base64 (Invalid symbol 33, offset 0)";
         assert_eq!(error("data:;base64,!AAA"), damaged);
     }
 
@@ -186,9 +201,10 @@ mod tests {
             let text = format!(r#"{{"asset": {{"version": "2.0"}}, "buffers": [{buffer}]}}"#);
             let root: Root = serde_json::from_str(&text).unwrap();
             let permitted = Permitted { beyond: false, quotes: true, scaled: false };
-            load(&root, Reach { folder: Path::new(""), permitted }, None).map(|buffers| buffers[0].len())
+            let buffers = load(&root, Reach { folder: Path::new(""), permitted }, None);
+            buffers.map(|buffers| buffers[0].len()).map_err(message)
         };
         assert_eq!(length(0), Ok(0));
-        assert_eq!(length(3), Err("buffer 0 is empty; expected 3 bytes".to_owned()));
+        assert_eq!(length(3), Err("a: buffer 0 is empty; expected 3 bytes".to_owned()));
     }
 }

@@ -37,7 +37,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let (json, binary) = container::split(named, bytes)?;
     let json::Read { root, animations } = json::read(named, json)?;
     extensions::refuse(named, &root)?;
-    let buffers = buffers::load(&root, reach, binary).map_err(|what| named.error(what).with_help(BUFFERS))?;
+    let buffers = buffers::load(&root, reach, binary).map_err(|flaw| named.error(flaw))?;
     let mut materials = materials::read(&root);
     let placed = transforms::placed(&root).map_err(|what| named.error(what))?;
     let used = nodes::materials_of(&root, &placed);
@@ -60,9 +60,6 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     file.notes.extend(container::note_length(bytes));
     Ok(file)
 }
-
-/// The remedy for a buffer that cannot be read.
-const BUFFERS: &str = "put the files that a .gltf file names into the folder of the .gltf file, or export everything as one .glb file";
 
 fn note_animations(count: usize) -> Option<String> {
     (count > 0).then(|| {

@@ -126,6 +126,9 @@ impl<'a> Walk<'a> {
         let first = self.positions.len();
         let mesh = self.numbers.root.get(index);
         let mesh = mesh.ok_or_else(|| format!("mesh {} does not exist", index.value()))?;
+        // The index of a position in a list of raycl is not the index in the file, so errors name only the mesh.
+        let invalid =
+            |position: &DVec3| origin::invalid(&format!("a vertex of mesh {}", index.value()), position);
         for primitive in &mesh.primitives {
             let has_targets = primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty());
             self.left_out.targets += usize::from(has_targets);
@@ -133,6 +136,10 @@ impl<'a> Walk<'a> {
             let joints = skin.and_then(|index| self.skins.get(&index.value()));
             match Part::read(&self.numbers, primitive, map.map(|map| map.set), joints)? {
                 Some(part) => {
+                    // After the node's transform, such a position would no longer have the file's numbers.
+                    if let Some(position) = part.positions.iter().find(|position| !position.is_finite()) {
+                        return Err(invalid(position));
+                    }
                     self.left_out.jointless += usize::from(skin.is_some() && !part.is_placed);
                     let transform = if part.is_placed { DMat4::IDENTITY } else { transform };
                     let material = primitive.material.and_then(|index| self.numbers.root.get(index));
@@ -144,9 +151,8 @@ impl<'a> Walk<'a> {
                 None => self.left_out.lines_and_points += 1,
             }
         }
-        // The index of a position in this list is not the index in the file, so the error names only the mesh.
         match self.positions[first..].iter().find(|position| !origin::is_valid(position)) {
-            Some(position) => Err(origin::invalid(&format!("a vertex of mesh {}", index.value()), position)),
+            Some(position) => Err(invalid(position)),
             None => Ok(()),
         }
     }
