@@ -16,9 +16,9 @@ use crate::error::{Error, Result};
 use crate::filetype::{FileType, MeshFormat, Opened};
 use crate::memory::Available;
 use crate::reader::Kind;
-use crate::words::counted;
+use crate::words::{counted, counted_are};
 use flaw::Named;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::path::Path;
 
 pub(in crate::scene) use colours::{is_outside, linear, note_clear, note_outside, paint};
@@ -93,8 +93,8 @@ pub(in crate::scene) fn format(opened: &Opened, path: &Path) -> Option<MeshForma
 }
 
 /// Reads a mesh and the files that it names. The named files must be in the mesh's folder, unless files elsewhere are
-/// permitted. Equal positions may be joined ([`joined`]). Adds a note if no triangle has an area. Returns an error if
-/// the mesh has no triangles, or if reading it needs more memory than is available.
+/// permitted. Equal positions may be joined ([`joined`]). Adds notes if normals are zero, and if no triangle has an area.
+/// Returns an error if the mesh has no triangles, or if reading it needs more memory than is available.
 pub(in crate::scene) fn read(
     path: &Path,
     opened: Opened,
@@ -128,17 +128,37 @@ pub(in crate::scene) fn read(
         .with_help("a mesh needs triangles: point clouds and lines are not drawn; MeshLab, for example, makes triangles of points"));
     }
     file.joined = joined::join_positions(&mut file.mesh);
+    file.notes.extend(note_normals(&file.mesh));
     file.notes.extend(invisible(&file.mesh));
     Ok(file)
 }
 
+/// Returns a note on triangles with normals that are zero, which are later replaced by the normals of the triangles'
+/// planes. Normals that are not finite have become zero, too. Triangles without area do not count, since they are not
+/// visible. Must be called before normals are generated, because generated normals may be zero.
+fn note_normals(mesh: &Mesh) -> Option<String> {
+    if !mesh.normals.contains(&Vec3::ZERO) {
+        return None;
+    }
+    // A missing normal has an index beyond the end of the list.
+    let is_zero = |index: &u32| mesh.normals.get(*index as usize) == Some(&Vec3::ZERO);
+    let is_concerned =
+        |triangle: &&Triangle| triangle.normals.iter().any(is_zero) && has_area(mesh, triangle);
+    let count = mesh.triangles.iter().filter(is_concerned).count();
+    let triangles = counted_are(count, "triangle with a normal that is zero or not finite");
+    let note = || format!("{triangles} changed: each such normal becomes the normal of its triangle's plane");
+    (count > 0).then(note)
+}
+
+/// Returns true if a triangle has an area and is not almost a line.
+fn has_area(mesh: &Mesh, triangle: &Triangle) -> bool {
+    let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+    let [ab, ac] = [b - a, c - a];
+    ab.cross(ac).length() > THIN * ab.length() * ac.length()
+}
+
 /// Returns a note if nothing is visible because no triangle of the mesh has an area.
 fn invisible(mesh: &Mesh) -> Option<String> {
-    let has_area = |triangle: &Triangle| {
-        let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
-        let [ab, ac] = [b - a, c - a];
-        ab.cross(ac).length() > THIN * ab.length() * ac.length()
-    };
     let triangles = mesh.triangles.len();
     let note = || match triangles {
         1 => "nothing is visible, since the mesh's only triangle has no area".to_owned(),
@@ -147,7 +167,7 @@ fn invisible(mesh: &Mesh) -> Option<String> {
             counted(triangles, "triangle")
         ),
     };
-    (!mesh.triangles.iter().any(has_area)).then(note)
+    (!mesh.triangles.iter().any(|triangle| has_area(mesh, triangle))).then(note)
 }
 
 #[cfg(test)]

@@ -106,6 +106,106 @@ fn a_mesh_of_which_nothing_can_be_seen_is_noted() {
     );
 }
 
+/// Returns a GLB of two triangles that form a square, with these normals at its four corners.
+fn square_with_normals(normals: [[f32; 3]; 4]) -> Vec<u8> {
+    let json = br#"{"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}],
+"meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "mode": 5}]}],
+"buffers": [{"byteLength": 96}], "bufferViews": [{"buffer": 0, "byteLength": 96}], "accessors": [
+{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+{"bufferView": 0, "byteOffset": 48, "componentType": 5126, "count": 4, "type": "VEC3"}]}"#;
+    let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+    let values = [positions, normals].into_iter().flatten().flatten();
+    let data: Vec<u8> = values.flat_map(f32::to_le_bytes).collect();
+    let length = |bytes: usize| (bytes as u32).to_le_bytes();
+    let parts: [&[u8]; 8] = [
+        b"glTF\x02\0\0\0",
+        &length(28 + json.len() + data.len()),
+        &length(json.len()),
+        b"JSON",
+        json,
+        &length(data.len()),
+        b"BIN\0",
+        &data,
+    ];
+    parts.concat()
+}
+
+/// Returns a PLY or an OBJ of the same square.
+fn text_with_normals(format: MeshFormat, normals: [[f32; 3]; 4]) -> String {
+    let positions = ["0 0 0", "1 0 0", "0 1 0", "1 1 0"];
+    let normals = normals.map(|[x, y, z]| format!("{x} {y} {z}"));
+    if format == MeshFormat::Obj {
+        let lines = positions.iter().zip(&normals).map(|(at, normal)| format!("v {at}\nvn {normal}\n"));
+        return lines.chain(["f 1//1 2//2 3//3\nf 3//3 2//2 4//4\n".to_owned()]).collect();
+    }
+    let vertices = positions.iter().zip(&normals).map(|(at, normal)| format!("{at} {normal}\n"));
+    let properties: String =
+        ["x", "y", "z", "nx", "ny", "nz"].map(|name| format!("property float {name}\n")).concat();
+    format!(
+        "ply\nformat ascii 1.0\nelement vertex 4\n{properties}element face 2\n\
+         property list uchar int vertex_indices\nend_header\n{}3 0 1 2\n3 2 1 3\n",
+        vertices.collect::<String>()
+    )
+}
+
+#[test]
+fn a_normal_without_direction_becomes_that_of_the_plane_at_its_corner_and_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let tilted = [0.6, 0.0, 0.8];
+    let noted = |triangles: &str| {
+        vec![format!("{triangles} changed: each such normal becomes the normal of its triangle's plane")]
+    };
+    let one = noted("1 triangle with a normal that is zero or not finite is");
+    let two = noted("2 triangles with a normal that is zero or not finite are");
+    for format in [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Glb] {
+        for odd in [[0.0; 3], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0]] {
+            // In an OBJ, numbers that are not finite have a note of their own.
+            if format == MeshFormat::Obj && odd != [0.0; 3] {
+                continue;
+            }
+            let all = [odd; 4];
+            let [first, second, none] = [Some(0), Some(1), None].map(|changed| {
+                let mut normals = [tilted; 4];
+                changed.into_iter().for_each(|corner: usize| normals[corner] = odd);
+                normals
+            });
+            for (normals, notes) in [(none, &vec![]), (first, &one), (second, &two), (all, &two)] {
+                let path = folder.path().join("a");
+                match format {
+                    MeshFormat::Glb => std::fs::write(&path, square_with_normals(normals)).unwrap(),
+                    _ => std::fs::write(&path, text_with_normals(format, normals)).unwrap(),
+                }
+                let mut file = super::read(&path, Opened::at(&path).unwrap(), format, PERMITTED).unwrap();
+                assert_eq!(file.notes, *notes, "{format:?} {normals:?}");
+                crate::scene::normals::complete(&mut file.mesh, None);
+                let expected =
+                    [0, 1, 2].map(
+                        |corner: usize| {
+                            if normals[corner] == tilted { Vec3::from_array(tilted) } else { Vec3::Z }
+                        },
+                    );
+                let actual = file.mesh.corner_normals(&file.mesh.triangles[0]);
+                assert!(
+                    actual.iter().zip(expected).all(|(a, b)| a.distance(b) < 1e-6),
+                    "{format:?} {actual:?}"
+                );
+            }
+        }
+    }
+}
+
+/// The two triangles lie on each other, so their normals cancel each other.
+#[test]
+fn generated_normals_and_those_of_triangles_without_area_cause_no_note() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    for faces in ["f 1 2 3\nf 1 3 2\n", "vn 0 0 0\nf 1 2 3\nf 1//1 1//1 2//1\n", "vn 0 0 0\nf 1 2 3\n"] {
+        std::fs::write(&path, format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{faces}")).unwrap();
+        let file = super::read(&path, Opened::at(&path).unwrap(), MeshFormat::Obj, PERMITTED).unwrap();
+        assert_eq!(file.notes, Vec::<String>::new(), "{faces}");
+    }
+}
+
 #[test]
 fn a_file_of_others_is_read_and_nothing_of_its_text_is_quoted() {
     let folder = tempfile::tempdir().unwrap();

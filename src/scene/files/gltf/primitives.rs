@@ -218,14 +218,15 @@ impl Part {
     }
 
     /// Gives every triangle its own corners and the normal of its plane, since a mesh without normals has
-    /// flat faces (glTF 2.0, 3.7.2.1).
+    /// flat faces (glTF 2.0, 3.7.2.1). The normal of a triangle without area is the z axis, since zero normals count as
+    /// mistakes of the file.
     fn flat(self) -> Self {
         let (mut positions, mut normals) = (Vec::new(), Vec::new());
         let (mut colours, mut coordinates) = (Vec::new(), Vec::new());
         for corners in &self.triangles {
             let [a, b, c] = corners.map(|corner| self.positions[corner as usize]);
             positions.extend([a, b, c]);
-            normals.extend([(b - a).cross(c - a).normalize_or_zero(); 3]);
+            normals.extend([(b - a).cross(c - a).normalize_or(DVec3::Z); 3]);
             if !self.colours.is_empty() {
                 colours.extend(corners.map(|corner| self.colours[corner as usize]));
             }

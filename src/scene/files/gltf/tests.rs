@@ -54,30 +54,60 @@ fn a_triangle_stands_where_its_node_does_and_is_flat() {
     assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::Z; 3]);
 }
 
-#[test]
-fn a_binary_file_holds_the_same() {
+/// Parses the file of [`triangle`] as a binary file with these chunks (type and contents) after its JSON.
+fn parse_binary(chunks: &[(&[u8; 4], &[u8])]) -> Result<MeshFile> {
     let json = triangle();
     let (start, end) = (json.find(", \"uri\"").unwrap(), json.find("\"}],\n\"bufferViews").unwrap());
     let mut json = format!("{}{}", &json[..start], &json[end + 1..]).into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
+    let length = |bytes: &[u8]| (bytes.len() as u32).to_le_bytes();
+    let chunk = |(kind, contents): (&[u8; 4], &[u8])| [&length(contents), &kind[..], contents].concat();
+    let rest: Vec<u8> = chunks.iter().flat_map(|of| chunk(*of)).collect();
+    let contents = [chunk((b"JSON", &json)), rest].concat();
+    let total = (12 + contents.len() as u32).to_le_bytes();
+    let glb = [b"glTF\x02\0\0\0", &total[..], &contents].concat();
+    parse("a.glb", Reach { folder: Path::new(""), permitted: PERMITTED }, &glb)
+}
+
+#[test]
+fn a_binary_file_holds_the_same() {
     let mut binary = bytes();
     binary.resize(44, 0);
-    let length = |bytes: &[u8]| (bytes.len() as u32).to_le_bytes();
-    let total = (12 + 8 + json.len() + 8 + binary.len()) as u32;
-    let glb = [
-        b"glTF\x02\0\0\0",
-        &total.to_le_bytes()[..],
-        &length(&json),
-        b"JSON",
-        &json,
-        &length(&binary),
-        b"BIN\0",
-        &binary,
-    ]
-    .concat();
-    let reach = Reach { folder: Path::new(""), permitted: PERMITTED };
-    let mesh = parse("a.glb", reach, &glb).unwrap().mesh;
+    let mesh = parse_binary(&[(b"BIN\0", &binary)]).unwrap().mesh;
     assert_eq!(mesh, read(&triangle()).unwrap().mesh);
+}
+
+/// A note says that zero normals are mistakes of the file, so raycl must not make such normals.
+#[test]
+fn a_triangle_without_normals_and_area_gets_no_zero_normals() {
+    let mut data = bytes();
+    data[24..36].copy_from_slice(&bytes()[12..24]);
+    let mesh = read(&triangle().replace(&STANDARD.encode(bytes()), &STANDARD.encode(data))).unwrap().mesh;
+    assert_eq!(corners(&mesh)[1..], [Vec3::new(1.0, 0.0, 5.0); 2]);
+    assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::Z; 3]);
+}
+
+#[test]
+fn a_binary_file_without_its_buffer_may_be_cut_off() {
+    for chunks in [&[][..], &[(b"BIN\0", &[][..])]] {
+        let error = parse_binary(chunks).err().unwrap();
+        assert!(error.to_string().starts_with("a.glb: buffer 0"), "{error}");
+        assert!(
+            error.remedy().starts_with("the file may be cut off or damaged"),
+            "{error}: {}",
+            error.remedy()
+        );
+    }
+}
+
+/// The node moves its mesh by 5 along z.
+#[test]
+fn a_position_that_is_not_finite_is_reported_as_the_file_has_it() {
+    let mut data = bytes();
+    data[16..20].copy_from_slice(&f32::NAN.to_le_bytes());
+    let error = read(&triangle().replace(&STANDARD.encode(bytes()), &STANDARD.encode(data))).err().unwrap();
+    let expected = "a.gltf: node 0: a vertex of mesh 0 is at [1, NaN, 0]; expected finite coordinates";
+    assert!(error.to_string().starts_with(expected), "{error}");
 }
 
 #[test]
@@ -576,7 +606,7 @@ fn a_buffer_may_be_a_file_beside_the_mesh() {
     let missing = error.to_string();
     assert!(missing.contains("buffer 0") && missing.contains("`c.bin`"), "{missing}");
     assert!(
-        error.remedy().starts_with("put the files that a .gltf file names into the folder of the .gltf file"),
+        error.remedy().starts_with("put the files that a glTF file names into the folder of the glTF file"),
         "{missing}"
     );
 }
