@@ -50,6 +50,11 @@ pub struct Mesh {
     pub corner_colours: Vec<CornerColours>,
 }
 
+/// Returns true if no two of a triangle's corners are equal.
+pub(super) fn are_apart<T: PartialEq>([a, b, c]: &[T; 3]) -> bool {
+    a != b && b != c && c != a
+}
+
 impl Mesh {
     /// Returns the size in bytes of a mesh with these numbers of triangles, positions and normals, without
     /// the mesh's materials and textures.
@@ -126,11 +131,20 @@ impl Mesh {
         dark
     }
 
-    /// Returns true if two corners of a triangle are at the same position. Such a triangle has no area, so no ray hits
-    /// it.
-    fn is_collapsed(&self, triangle: &Triangle) -> bool {
-        let [a, b, c] = self.corners(triangle);
-        a == b || b == c || c == a
+    /// Returns a function that tells which triangles count for the size of the mesh: those with three corners at
+    /// different positions. No ray hits another triangle; some programs leave such triangles far from the object. If
+    /// the mesh has only such triangles, because it is so far from its origin that rounding joined its corners, then
+    /// triangles with three different indices count, or else all.
+    fn counts_for_size(&self) -> impl Fn(&Triangle) -> bool + Sync {
+        let by_position = |triangle: &Triangle| are_apart(&self.corners(triangle));
+        let by_index = |triangle: &Triangle| are_apart(&triangle.positions);
+        let has_positions = self.triangles.iter().any(by_position);
+        let has_indices = !has_positions && self.triangles.iter().any(by_index);
+        move |triangle| match (has_positions, has_indices) {
+            (true, _) => by_position(triangle),
+            (_, true) => by_index(triangle),
+            _ => true,
+        }
     }
 
     /// Returns one value for each position: true if the position is the corner of a triangle.
@@ -138,11 +152,10 @@ impl Mesh {
         self.positions_of(|_| true)
     }
 
-    /// Returns one value for each position: true if the position is the corner of a triangle that a ray can hit, or of
-    /// any triangle if no ray can hit one.
+    /// Returns one value for each position: true if the position is the corner of a triangle that
+    /// [counts](Self::counts_for_size) for the size of the mesh.
     pub(super) fn visible_positions(&self) -> Vec<bool> {
-        let visible = self.positions_of(|triangle| !self.is_collapsed(triangle));
-        if visible.contains(&true) { visible } else { self.positions_of_triangles() }
+        self.positions_of(self.counts_for_size())
     }
 
     fn positions_of(&self, counts: impl Fn(&Triangle) -> bool + Sync) -> Vec<bool> {
@@ -161,9 +174,9 @@ impl Mesh {
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let join = |(a, b): (Vec3, Vec3), (c, d)| (a.min(c), b.max(d));
         let bounds = |t| self.corners(t).map(|p| (p, p)).into_iter().reduce(join);
-        let triangles = || self.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
-        let visible = triangles().filter(|t| !self.is_collapsed(t)).filter_map(bounds).reduce_with(join);
-        visible.or_else(|| triangles().filter_map(bounds).reduce_with(join))
+        let counts = self.counts_for_size();
+        let triangles = self.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
+        triangles.filter(|triangle| counts(triangle)).filter_map(bounds).reduce_with(join)
     }
 
     /// Assigns the first material to all triangles, and removes all other materials.
@@ -254,6 +267,10 @@ mod tests {
             assert_eq!(mesh.bounds(), Some(small), "{collapsed:?}");
             assert_eq!(mesh.visible_positions(), [true, true, true, false, false], "{collapsed:?}");
         }
+        // The positions 3 and 4 are equal, but not their indices.
+        let joined = of(&[[3, 4, 4], [0, 3, 4]]);
+        assert_eq!(joined.visible_positions(), [true, false, false, true, true]);
+        assert_eq!(joined.bounds(), Some((Vec3::ZERO, Vec3::splat(9.0))));
         let alone = of(&[[3, 3, 0]]);
         assert_eq!(alone.bounds(), Some((Vec3::ZERO, Vec3::splat(9.0))));
         assert_eq!(alone.visible_positions(), [true, false, false, true, false]);

@@ -4,7 +4,7 @@
 
 use super::flaw::Flaw;
 use crate::scene::Camera;
-use crate::scene::mesh::Triangle;
+use crate::scene::mesh::{Triangle, are_apart};
 use crate::scene::validate::MAX_COORDINATE;
 use glam::{DVec3, Vec3};
 
@@ -151,10 +151,7 @@ pub(super) fn settle_if(
         check(positions, triangles)?;
     }
     let corners = |triangle: &Triangle| triangle.positions.map(|corner| &positions[corner as usize]);
-    let is_visible = |triangle: &&Triangle| {
-        let [a, b, c] = corners(triangle);
-        a != b && b != c && c != a
-    };
+    let is_visible = |triangle: &&Triangle| are_apart(&corners(triangle));
     let wanted = if triangles.iter().any(|triangle| is_visible(&triangle)) {
         placement_of(triangles.iter().filter(is_visible).flat_map(corners))
     } else if triangles.is_empty() {

@@ -89,13 +89,13 @@ impl LeftOut {
             (self.dark, "light of intensity 0", "left out"),
             (
                 self.jointless,
-                "primitive of a skinned mesh without joints",
+                "primitive that its skin does not place",
                 "shown with the transform of the mesh's node",
             ),
             (
                 self.odd_influences,
                 "vertex with joints or weights that are not valid",
-                "placed by the valid joints or, without any, by the skin's first joint",
+                "placed by the valid joints or, without any, by the skin's first valid joint",
             ),
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),

@@ -10,7 +10,7 @@ use super::transforms::{PlacedNode, normal_matrix};
 use super::{Flaw, MeshFile, Parsed};
 use crate::scene::files::{FileLight, Placement, colours, origin};
 use crate::scene::material::Material;
-use crate::scene::mesh::{Mesh, Triangle};
+use crate::scene::mesh::{Mesh, Triangle, are_apart};
 use crate::scene::normals::MISSING;
 use crate::scene::obj::{finite, unmapped};
 use crate::scene::shapes::MAX_TRIANGLES;
@@ -134,12 +134,13 @@ impl<'a> Walk<'a> {
             self.left_out.targets += usize::from(has_targets);
             let map = primitive.material.and_then(|index| self.maps.get(index.value()).copied().flatten());
             let joints = skin.and_then(|index| self.skins.get(&index.value()));
-            match Part::read(&self.numbers, primitive, map.map(|map| map.set), joints)? {
+            match Part::read(&self.numbers, primitive, map.map(|map| map.set), joints.is_some())? {
                 Some(part) => {
-                    // After the node's transform, such a position would no longer have the file's numbers.
+                    // After a transform, such a position would no longer have the file's numbers.
                     if let Some(position) = part.positions.iter().find(|position| !position.is_finite()) {
                         return Err(invalid(position));
                     }
+                    let part = part.placed(joints);
                     self.left_out.jointless += usize::from(skin.is_some() && !part.is_placed);
                     let transform = if part.is_placed { DMat4::IDENTITY } else { transform };
                     let material = primitive.material.and_then(|index| self.numbers.root.get(index));
@@ -291,7 +292,10 @@ impl<'a> Walk<'a> {
         notes.extend((cameras > 1).then(|| format!("of {cameras} cameras, the first is used")));
         if let Some((eye, camera, far)) = self.cameras.first() {
             let depth = |position: &DVec3| (*position - *eye).dot(camera.forward.as_dvec3());
-            let is_beyond = |end: f32| self.positions.iter().any(|position| depth(position) > f64::from(end));
+            let corners =
+                |triangle: &Triangle| triangle.positions.map(|index| self.positions[index as usize]);
+            let visible = || self.triangles.iter().map(corners).filter(are_apart).flatten();
+            let is_beyond = |end: f32| visible().any(|position| depth(&position) > f64::from(end));
             let unseen =
                 "the file's camera sees no part of the mesh: --azimuth 31 uses raycl's own camera instead";
             notes.extend((!is_beyond(camera.z_near)).then(|| unseen.to_owned()));

@@ -98,16 +98,16 @@ impl Used {
 
 impl Part {
     /// Reads a primitive. `set` is the index of the set of texture coordinates that the texture of the primitive's
-    /// material uses. `skin` places the vertices. Returns `None` for lines, points and a primitive without positions.
-    /// Returns an error if the primitive has normals, colours, texture coordinates or joints, but not one for each
+    /// material uses. Joints are read if `is_skinned` is true. Returns `None` for lines, points and a primitive without
+    /// positions. Returns an error if the primitive has normals, colours, texture coordinates or joints, but not one for each
     /// position.
     pub fn read(
         numbers: &Numbers<'_>,
         primitive: &Primitive,
         set: Option<u32>,
-        skin: Option<&Skin>,
+        is_skinned: bool,
     ) -> Parsed<Option<Self>> {
-        let used = Used::of(primitive, set, skin.is_some());
+        let used = Used::of(primitive, set, is_skinned);
         // A primitive is left out if it has no positions, or if its mode is not triangles, strips or fans.
         // Positions from extensions are not read.
         let (Some(mode), Some(index)) = (mode_of(primitive), used.positions) else { return Ok(None) };
@@ -156,11 +156,17 @@ impl Part {
             odd_coordinates,
             odd_influences: 0,
         };
-        let part = part.compact();
-        let mut part = if let Some(skin) = skin { part.placed_by(skin) } else { part };
+        let mut part = part.compact();
         part.coloured = part.colours.len();
         part.outside = part.colours.iter().filter(|colour| is_outside(colour)).count();
-        Ok(Some(if part.normals.is_empty() { part.flat() } else { part }))
+        Ok(Some(part))
+    }
+
+    /// Returns the part as it is shown: its skin, if it has one, has placed the vertices, and every triangle has
+    /// normals.
+    pub fn placed(self, skin: Option<&Skin>) -> Self {
+        let part = if let Some(skin) = skin { self.placed_by(skin) } else { self };
+        if part.normals.is_empty() { part.flat() } else { part }
     }
 
     /// Returns upper limits of the sizes of a primitive, without reading its buffers.

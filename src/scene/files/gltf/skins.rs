@@ -12,8 +12,10 @@ use std::collections::HashMap;
 /// A skin whose joints have the transforms that the file's nodes have without animations.
 pub(super) struct Skin {
     /// For each joint, the transform from the mesh's coordinates to the scene's coordinates: the product of the joint's
-    /// transform and its inverse bind matrix. The list is not empty.
-    joints: Vec<DMat4>,
+    /// transform and its inverse bind matrix. `None` if there is no such matrix, or if the product is not finite.
+    joints: Vec<Option<DMat4>>,
+    /// The first of these transforms that is not `None`.
+    first: DMat4,
 }
 
 /// A set of joints (`JOINTS_n`) and weights (`WEIGHTS_n`): for each vertex, the indices of four joints in the skin's
@@ -23,8 +25,8 @@ pub(super) struct Influences {
     pub weights: Vec<[f64; 4]>,
 }
 
-/// Reads the skins of the nodes `placed`. The key of a skin is its index in the file. A skin without joints is left
-/// out.
+/// Reads the skins of the nodes `placed`. The key of a skin is its index in the file. A skin without valid joints is
+/// left out.
 pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<HashMap<usize, Skin>> {
     let nodes = placed.iter().filter_map(|(node, _)| numbers.root.get(*node));
     let used: Vec<_> = nodes.filter(|node| node.mesh.is_some()).filter_map(|node| node.skin).collect();
@@ -38,29 +40,25 @@ pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<Ha
         let within = |what: String| format!("skin {}{what}", index.value());
         let skin = numbers.root.get(index).ok_or_else(|| within(" does not exist".to_owned()))?;
         let joints = joints(&numbers, skin, &worlds).map_err(|what| within(format!(": {what}")))?;
-        skins.insert(index.value(), Skin { joints });
+        let first = joints.iter().flatten().next().copied();
+        skins.insert(index.value(), first.map(|first| Skin { joints, first }));
     }
-    skins.retain(|_, skin| !skin.joints.is_empty());
-    Ok(skins)
+    Ok(skins.into_iter().filter_map(|(index, skin)| Some((index, skin?))).collect())
 }
 
-/// Returns, for each joint of a skin, the transform from the mesh's coordinates to the scene's coordinates.
-fn joints(numbers: &Numbers<'_>, skin: &skin::Skin, worlds: &[Option<DMat4>]) -> Parsed<Vec<DMat4>> {
-    let inverses = skin.inverse_bind_matrices.map(|index| numbers.of::<16>(index)).transpose()?;
-    if let Some(inverses) = inverses.as_ref().filter(|inverses| inverses.len() < skin.joints.len()) {
-        return Err(format!("{} inverse bind matrices for {} joints", inverses.len(), skin.joints.len()));
-    }
+/// Returns, for each joint of a skin, the transform from the mesh's coordinates to the scene's coordinates: see
+/// [`Skin::joints`].
+fn joints(numbers: &Numbers<'_>, skin: &skin::Skin, worlds: &[Option<DMat4>]) -> Parsed<Vec<Option<DMat4>>> {
+    let inverses = skin.inverse_bind_matrices.map(|index| numbers.attribute::<16>(index)).transpose()?;
     let inverse = |number: usize| match &inverses {
-        Some(inverses) => DMat4::from_cols_array(&inverses[number]),
-        None => DMat4::IDENTITY,
+        Some(inverses) => inverses.get(number).map(DMat4::from_cols_array),
+        None => Some(DMat4::IDENTITY),
     };
     let joint = |(number, node): (usize, &Index<_>)| {
         let node = node.value();
         let world = worlds.get(node).ok_or_else(|| format!("node {node} does not exist"))?;
         let world = world.ok_or_else(|| format!("node {node} descends from itself"))?;
-        let transform = world * inverse(number);
-        let message = || format!("joint {number} has a transform that is not finite");
-        transform.is_finite().then_some(transform).ok_or_else(message)
+        Ok(inverse(number).map(|inverse| world * inverse).filter(DMat4::is_finite))
     };
     skin.joints.iter().enumerate().map(joint).collect()
 }
@@ -118,8 +116,8 @@ impl Skin {
     }
 
     /// Returns the average of a vertex's joints by their weights, and true if some of its joints or weights are not
-    /// valid. Joints that do not exist, and weights that are negative or not finite, do not count. If nothing remains,
-    /// the result is the transform of the skin's first joint, and true.
+    /// valid. Joints that do not exist or have no transform, and weights that are negative or not finite, do not count.
+    /// If nothing remains, the result is the transform of the skin's first valid joint, and true.
     fn blended(&self, sets: &[Influences], vertex: usize) -> (DMat4, bool) {
         let (mut sum, mut total, mut is_odd) = (DMat4::ZERO, 0.0, false);
         for (joint, weight) in sets.iter().flat_map(|set| set.of(vertex)).filter(|(_, weight)| *weight != 0.0)
@@ -132,11 +130,11 @@ impl Skin {
                 None => is_odd = true,
             }
         }
-        if total > 0.0 { (sum * total.recip(), is_odd) } else { (self.joints[0], true) }
+        if total > 0.0 { (sum * total.recip(), is_odd) } else { (self.first, true) }
     }
 
     fn joint(&self, index: f64) -> Option<&DMat4> {
         let is_index = index >= 0.0 && index.fract() == 0.0;
-        self.joints.get(index as usize).filter(|_| is_index)
+        self.joints.get(index as usize).filter(|_| is_index)?.as_ref()
     }
 }

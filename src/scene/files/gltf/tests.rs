@@ -261,6 +261,23 @@ fn a_camera_that_sees_no_part_of_the_mesh_is_noted() {
     assert_eq!(camera_notes(r#""znear": 4.5"#, -5), [""; 0]);
 }
 
+/// A node with scale 0, by which a program hides a mesh, changes no note on the camera.
+#[test]
+fn a_hidden_mesh_is_not_seen_by_a_camera() {
+    let lens = r#"{"yfov": 1, "znear": 0.1, "zfar": 100}"#;
+    let camera = format!(r#""cameras": [{{"type": "perspective", "perspective": {lens}}}], "scenes": ["#);
+    let notes = |z: i32| {
+        let hidden = r#"{"mesh": 0, "scale": [0, 0, 0], "translation": [0, 0, -300]}"#;
+        let text = triangle()
+            .replace(r#""scenes": ["#, &camera)
+            .replace(r#""nodes": [0]"#, r#""nodes": [0, 1, 2]"#)
+            .replace("[0, 0, 5]}", &format!("[0, 0, {z}]}}, {{\"camera\": 0}}, {hidden}"));
+        read(&text).unwrap().camera_notes
+    };
+    assert_eq!(notes(-5), [""; 0]);
+    assert_eq!(notes(5).len(), 1);
+}
+
 #[test]
 fn corners_keep_their_colours_beside_those_of_materials() {
     let text = triangle().replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0, "COLOR_0": 2}"#).replace(

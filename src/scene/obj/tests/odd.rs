@@ -72,6 +72,19 @@ fn a_mesh_far_from_its_origin_keeps_its_placement_beside_vertices_that_are_not_v
     }
 }
 
+/// Near the face at the origin, a mesh far from it would be moved so little that rounding joins its corners.
+#[test]
+fn a_mesh_far_from_its_origin_is_placed_without_faces_that_no_ray_hits() {
+    let corners = "v 500000.25 5400000 7\nv 500000.26 5400000 7\nv 500000.25 5400000.01 7\n";
+    let plain = read(&format!("{corners}f 1 2 3\n")).unwrap();
+    for far in ["0 0 0", "1e11 0 0"] {
+        let file = read(&format!("{corners}v {far}\nf 4 4 4\nf 1 2 3\n")).unwrap();
+        assert_eq!(file.placement, plain.placement, "{far}");
+        assert_eq!(file.mesh.positions[..3], plain.mesh.positions, "{far}");
+        assert_eq!(file.notes, plain.notes, "{far}");
+    }
+}
+
 #[test]
 fn vertices_of_two_numbers_get_z_0_even_if_another_vertex_is_not_valid() {
     let file = read("v 0 0\nv 1 0\nv 0 1\nv nan 1\nv 1 2 x\nf 1 2 3\n").unwrap();

@@ -199,7 +199,7 @@ fn joints_and_weights_that_are_not_valid_are_left_out_and_their_vertices_counted
     let note = |vertices: &str| {
         format!(
             "{vertices} with joints or weights that are not valid {} placed by the valid joints or, without any, by \
-             the skin's first joint",
+             the skin's first valid joint",
             if vertices.starts_with("1 ") { "is" } else { "are" }
         )
     };
@@ -214,13 +214,31 @@ fn joints_and_weights_that_are_not_valid_are_left_out_and_their_vertices_counted
     }
     let joints = floats(&[-1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, f32::NAN, 0.0, 0.0, 0.0]);
     Bar::new().with(JOINT, joints, VEC4).assert_shown(STORED, &[&note("3 vertices")]);
+    // The upper joint has no inverse bind matrix, or one that is not finite.
+    let one = floats(Mat4::IDENTITY.to_cols_array().as_slice());
+    let short = Bar::new().with(INVERSE, one.clone(), r#""componentType": 5126, "count": 1, "type": "MAT4""#);
+    let infinite = Bar::new().with(INVERSE, [one, floats(&[f32::INFINITY; 16])].concat(), MAT4);
+    for bar in [short, infinite] {
+        bar.assert_shown(STORED, &[&note("2 vertices")]);
+        // No vertex uses the upper joint.
+        bar.with(JOINT, vec![0; 12], JOINTS).assert_shown(STORED, &[]);
+    }
+}
+
+#[test]
+fn a_skinned_position_that_is_not_finite_is_reported_as_the_file_has_it() {
+    let positions = floats(&[f32::NAN, -0.5, 0.25, 1.0, 1.0, 0.0, 0.0, 2.0, 0.0]);
+    let error = Bar::new().with(0, positions, VEC3).read().err().map(|error| error.to_string());
+    let error = error.unwrap_or_default();
+    assert!(error.contains("a vertex of mesh 0 is at [NaN, -0.5, 0.25]"), "{error}");
 }
 
 #[test]
 fn a_skinned_mesh_without_joints_has_the_transform_of_its_node() {
     let moved = || Bar::new().replace(r#""skin": 0"#, r#""skin": 0, "translation": [0, 0, 5]"#);
-    let note = "1 primitive of a skinned mesh without joints is shown with the transform of the mesh's node";
-    for bar in [moved().replace(r#", "WEIGHTS_0": 2"#, ""), moved().replace("[1, 2]", "[]")] {
+    let note = "1 primitive that its skin does not place is shown with the transform of the mesh's node";
+    let invalid = moved().with(INVERSE, floats(&[f32::NAN; 32]), MAT4);
+    for bar in [moved().replace(r#", "WEIGHTS_0": 2"#, ""), moved().replace("[1, 2]", "[]"), invalid] {
         bar.assert_shown(STORED.map(|corner| corner + Vec3::Z * 5.0), &[note]);
     }
     let unskinned = moved().replace(r#""skin": 0, "#, "");
@@ -229,16 +247,14 @@ fn a_skinned_mesh_without_joints_has_the_transform_of_its_node() {
 
 #[test]
 fn damaged_skins_are_refused_with_what_is_wrong() {
-    let one = r#""componentType": 5126, "count": 1, "type": "MAT4""#;
     let two = r#""componentType": 5121, "count": 2, "type": "VEC4""#;
     for (bar, message) in [
         (Bar::new().replace(r#""skin": 0"#, r#""skin": 3"#), "skin 3 does not exist"),
         (Bar::new().replace("[1, 2]", "[1, 9]"), "skin 0: node 9 does not exist"),
         (Bar::new().replace(UPPER, r#""children": [1]"#), "skin 0: node 1 descends from itself"),
-        (Bar::new().with(INVERSE, vec![0; 64], one), "skin 0: 1 inverse bind matrices for 2 joints"),
         (
-            Bar::new().with(INVERSE, floats(&[f32::NAN; 32]), MAT4),
-            "skin 0: joint 0 has a transform that is not finite",
+            Bar::new().with(INVERSE, vec![0; 128], r#""componentType": 5125, "count": 2, "type": "MAT4""#),
+            "skin 0: accessor 3: its componentType is 5125",
         ),
         (Bar::new().with(JOINT, vec![0; 8], two), "node 0: 2 joints for 3 positions"),
         (Bar::new().with(WEIGHT, vec![1; 8], two), "node 0: 2 weights for 3 positions"),
