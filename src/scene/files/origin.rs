@@ -65,7 +65,7 @@ impl Placement {
     }
 
     /// Converts a position of the mesh from the file's coordinates to the mesh's coordinates, in single
-    /// precision. After the conversion, a position that no triangle uses may be beyond `MAX_COORDINATE`; it
+    /// precision. After the conversion, a position that no visible triangle uses may be beyond `MAX_COORDINATE`; it
     /// is then moved to this limit.
     pub fn settled(&self, position: DVec3) -> Vec3 {
         let most = DVec3::splat(MAX_COORDINATE.into());
