@@ -123,8 +123,8 @@ Mask rays_entering_root(const Tree *tree, const BoxProbe *probe, float reach, Ma
     return entering;
 }
 
-// Returns the lanes of `wanted` whose ray is stopped by a triangle before t = `reach`. Each ray that
-// enters the box of a child of the root is cast alone.
+// Returns the lanes of `wanted` whose ray is stopped by a triangle before t = `reach`. Each ray that enters the box of a
+// child of the root is cast alone.
 Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *direction, float reach, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(*from, *direction);
     const varying numbers[9] = {from->x, from->y, from->z, direction->x, direction->y, direction->z,

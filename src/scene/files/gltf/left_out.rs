@@ -24,8 +24,9 @@ pub(super) struct LeftOut {
     pub ranges: usize,
     /// The number of lights that illuminate nothing.
     pub dark: usize,
-    /// The number of primitives without joints or weights whose node has a skin.
-    pub jointless: usize,
+    /// The number of primitives whose node has a skin that does not place them: they have no joints and weights, or no
+    /// joint of the skin is valid.
+    pub unskinned: usize,
     /// The number of vertices with joints or weights that are not valid.
     pub odd_influences: usize,
     pub targets: usize,
@@ -88,7 +89,7 @@ impl LeftOut {
             (self.ranges, "light with a range", "shown without it"),
             (self.dark, "light of intensity 0", "left out"),
             (
-                self.jointless,
+                self.unskinned,
                 "primitive that its skin does not place",
                 "shown with the transform of the mesh's node",
             ),

@@ -12,7 +12,7 @@ use crate::scene::Mapped;
 use crate::scene::mesh::Triangle;
 use glam::{DMat4, DVec3, Vec3};
 use gltf::json::mesh::Primitive;
-use gltf::json::skin::Skin;
+use std::collections::BTreeMap;
 
 /// Memory for a position of the whole mesh, in bytes: the position in double and in single precision, its
 /// normal and its colour.
@@ -43,12 +43,15 @@ pub(super) fn hold(
     Available::read().hold(all, &format!("reading {name}"), &sum)
 }
 
-/// Returns the memory for the joints of all skins and for reading the longest list of inverse bind matrices, in bytes.
+/// Returns the memory for the joints of all skins and for their lists of inverse bind matrices, in bytes. Skins that
+/// name the same list share it.
 fn skins(numbers: Numbers<'_>) -> u64 {
     let skins = &numbers.root.skins;
     let joints: u64 = skins.iter().map(|skin| skin.joints.len() as u64).sum();
-    let inverses = |skin: &Skin| skin.inverse_bind_matrices.map_or(0, |index| numbers.count(index));
-    MATRIX_BYTES * (joints + skins.iter().map(inverses).max().unwrap_or(0))
+    let lists = skins.iter().filter_map(|skin| skin.inverse_bind_matrices);
+    let lists: BTreeMap<_, _> = lists.map(|index| (index.value(), numbers.count(index))).collect();
+    let matrices = lists.values().fold(joints, |sum, count| sum.saturating_add(*count));
+    MATRIX_BYTES.saturating_mul(matrices)
 }
 
 /// Returns the memory for the whole mesh and the memory for reading its largest primitive, in bytes.
@@ -105,14 +108,14 @@ mod tests {
         assert_eq!(of_nodes(&[0, 1, 0]), (2 * small + large, read));
     }
 
-    /// The skins have 3 joints together, and the longer list of inverse bind matrices has 100 elements.
+    /// The skins have 4 joints together, and the two lists of inverse bind matrices have 101 elements.
     #[test]
-    fn the_joints_of_all_skins_and_the_longest_list_of_inverse_bind_matrices_are_counted() {
+    fn the_joints_of_all_skins_and_each_list_of_inverse_bind_matrices_are_counted() {
         let text = r#"{"asset": {"version": "2.0"}, "nodes": [{}], "skins": [
-{"joints": [0, 0], "inverseBindMatrices": 0}, {"joints": [0], "inverseBindMatrices": 1}],
+{"joints": [0, 0], "inverseBindMatrices": 0}, {"joints": [0], "inverseBindMatrices": 1}, {"joints": [0], "inverseBindMatrices": 0}],
 "accessors": [{"componentType": 5126, "count": 100, "type": "MAT4"},
 {"componentType": 5126, "count": 1, "type": "MAT4"}]}"#;
         let root: Root = serde_json::from_str(text).unwrap();
-        assert_eq!(skins(Numbers::of_file(&root, &[])), 103 * MATRIX_BYTES);
+        assert_eq!(skins(Numbers::of_file(&root, &[])), 105 * MATRIX_BYTES);
     }
 }

@@ -141,7 +141,7 @@ impl<'a> Walk<'a> {
                         return Err(invalid(position));
                     }
                     let part = part.placed(joints);
-                    self.left_out.jointless += usize::from(skin.is_some() && !part.is_placed);
+                    self.left_out.unskinned += usize::from(skin.is_some() && !part.is_placed);
                     let transform = if part.is_placed { DMat4::IDENTITY } else { transform };
                     let material = primitive.material.and_then(|index| self.numbers.root.get(index));
                     let is_clear = part.is_clear && material.is_some_and(uses_alpha);

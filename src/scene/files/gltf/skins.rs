@@ -8,6 +8,7 @@ use glam::{DMat3, DMat4, DVec3};
 use gltf::json::accessor::Accessor;
 use gltf::json::{Index, skin};
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 /// A skin whose joints have the transforms that the file's nodes have without animations.
 pub(super) struct Skin {
@@ -31,7 +32,7 @@ pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<Ha
     let nodes = placed.iter().filter_map(|(node, _)| numbers.root.get(*node));
     let used: Vec<_> = nodes.filter(|node| node.mesh.is_some()).filter_map(|node| node.skin).collect();
     let worlds = if used.is_empty() { Vec::new() } else { worlds(numbers.root, placed) };
-    let mut skins = HashMap::new();
+    let (mut skins, mut matrices) = (HashMap::new(), HashMap::new());
     for index in used {
         // Many nodes may name the same skin.
         if skins.contains_key(&index.value()) {
@@ -39,7 +40,8 @@ pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<Ha
         }
         let within = |what: String| format!("skin {}{what}", index.value());
         let skin = numbers.root.get(index).ok_or_else(|| within(" does not exist".to_owned()))?;
-        let joints = joints(&numbers, skin, &worlds).map_err(|what| within(format!(": {what}")))?;
+        let joints =
+            joints(&numbers, skin, &worlds, &mut matrices).map_err(|what| within(format!(": {what}")))?;
         let first = joints.iter().flatten().next().copied();
         skins.insert(index.value(), first.map(|first| Skin { joints, first }));
     }
@@ -47,10 +49,22 @@ pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<Ha
 }
 
 /// Returns, for each joint of a skin, the transform from the mesh's coordinates to the scene's coordinates: see
-/// [`Skin::joints`].
-fn joints(numbers: &Numbers<'_>, skin: &skin::Skin, worlds: &[Option<DMat4>]) -> Parsed<Vec<Option<DMat4>>> {
-    let inverses = skin.inverse_bind_matrices.map(|index| numbers.attribute::<16>(index)).transpose()?;
-    let inverse = |number: usize| match &inverses {
+/// [`Skin::joints`]. `matrices` has the lists of inverse bind matrices that were read so far, by their accessors: many
+/// skins may name the same list.
+fn joints(
+    numbers: &Numbers<'_>,
+    skin: &skin::Skin,
+    worlds: &[Option<DMat4>],
+    matrices: &mut HashMap<usize, Vec<[f64; 16]>>,
+) -> Parsed<Vec<Option<DMat4>>> {
+    let inverses = match skin.inverse_bind_matrices {
+        Some(index) => Some(&*match matrices.entry(index.value()) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(free) => free.insert(numbers.attribute(index)?),
+        }),
+        None => None,
+    };
+    let inverse = |number: usize| match inverses {
         Some(inverses) => inverses.get(number).map(DMat4::from_cols_array),
         None => Some(DMat4::IDENTITY),
     };
