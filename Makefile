@@ -1,7 +1,7 @@
 # Targets to build, test and measure raycl. `make` without a target lists them.
 
 # All builds of programs and tests in this file pass this folder to cargo: cargo's own settings may name another folder,
-# in which RAYCL would not find the program. The folder is quoted, since its name may have blanks.
+# and the path RAYCL would then lead to no program. The folder is quoted, since its name may have blanks.
 TARGET_DIR = "$${CARGO_TARGET_DIR:-target}"
 RAYCL = $(TARGET_DIR)/release/raycl
 QUICK = results/quick
@@ -50,7 +50,7 @@ test-slurm: build ## run shards on a real Slurm of four nodes on this machine, a
 	@tests/slurm/setup mpi
 	tests/slurm/run $(RAYCL)
 
-test-slurm-short: setup-tests ## run the part of test-slurm that .ci/run needs: kill one process of raycl, and lose one task (installs Slurm; root; a minute)
+test-slurm-short: setup-tests ## run the part of test-slurm that .ci/run needs: kill one process of raycl, and all processes of one node (installs Slurm; root; a minute)
 	@tests/slurm/setup
 	cargo test --locked --no-run --target-dir $(TARGET_DIR)
 	RUNS=1 tests/slurm/run $(TARGET_DIR)/debug/raycl kill nokill

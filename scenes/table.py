@@ -107,7 +107,7 @@ def globe():
 
 
 def write_obj(name, library, quads):
-    """Writes quads with their materials. Each has four corners with a position, texture coordinates and a normal."""
+    """Writes quads with their materials. A quad has four corners, each with a position, texture coordinates and a normal."""
     sets, faces, used = {"v": {}, "vt": {}, "vn": {}}, [], None
     for material, corners in quads:
         if material != used:
