@@ -18,7 +18,8 @@ const GZIP: &[u8] = b"\x1f\x8b";
 /// nor standard input, only its first bytes have been read.
 #[derive(Debug)]
 pub struct Opened {
-    /// The file, whose bytes after `head` have not been read yet; `None` if `head` contains all bytes.
+    /// The file, whose bytes after `head` have not been read yet; `None` for a packed file and for standard input,
+    /// whose bytes are all in `head`.
     rest: Option<File>,
     /// The bytes that have been read, unpacked.
     head: Vec<u8>,

@@ -14,8 +14,8 @@ pub(super) const CONVERT: &str = "convert the file to PLY, with meshio or ParaVi
 pub(super) const POINTS: &str = "make triangles of the file's points, with MeshLab for example";
 /// The advice for files with volumes (a density at each point of a grid).
 pub(super) const SURFACE: &str = "extract the surface as PLY or STL, with ParaView for example";
-/// The texts of advice for several formats that tell the user how to get a mesh from a file. Some single
-/// formats have a text of their own, which this list lacks.
+/// The texts of advice that tell the user how to get a mesh from a file, and that serve several formats. The list
+/// lacks the texts for single formats.
 pub(super) const TO_MESH: [&str; 6] = [EXPORT, OWN, CAD, CONVERT, POINTS, SURFACE];
 pub(super) const UNPACK: &str = "unpack the file first";
 /// The advice for a web server's error page that was downloaded instead of a file.

@@ -21,7 +21,7 @@ const CUT_OFF: &str = "the file ends before the picture is complete";
 /// # Errors
 ///
 /// Fails if neither the bytes nor the file's name show the format, or if the file is damaged in a way that
-/// the decoder would not notice. The error's text says why the picture cannot be decoded.
+/// the decoder would not report. The error's text says why the picture cannot be decoded.
 pub fn picture_reader(
     bytes: &[u8],
     by_name: Option<ImageFormat>,

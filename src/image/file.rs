@@ -79,7 +79,7 @@ fn check_size(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
             (format!("a JPEG has at most {MOST_OF_JPEG} in each direction"), "png")
         }
         Format::Hdr if across == NO_HDR_WIDTH => {
-            (format!("raycl cannot write an HDR with exactly {NO_HDR_WIDTH} in a row"), "exr")
+            (format!("raycl cannot write an HDR with rows of {NO_HDR_WIDTH} pixels"), "exr")
         }
         _ => return Ok(()),
     };
@@ -291,9 +291,8 @@ fn known(path: &Path) -> Option<Format> {
 }
 
 /// Returns a path that a message can suggest in place of `path`, which has no known extension. If `path`
-/// names a folder, suggests the path of a picture in the folder. For `a.png.gz`, suggests `a.png`. If a path
-/// names no folder and has no second extension of a picture, suggests the path with `.png` in place of its
-/// last extension.
+/// names a folder, suggests the path of a picture in the folder. For `a.png.gz`, suggests `a.png`, and likewise
+/// for other extensions of pictures. For any other path, suggests the path with `.png` in place of its last extension.
 fn picture_for(path: &Path) -> PathBuf {
     if names_a_folder(path) || path.is_dir() {
         return path.join("picture.png");
@@ -498,7 +497,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let check = |size| check_target(&target(&folder.path().join("a.hdr"), false), size);
         let refused = check([32_768, 1]).unwrap_err();
-        let why = "32768 x 1 pixels; raycl cannot write an HDR with exactly 32768 in a row";
+        let why = "32768 x 1 pixels; raycl cannot write an HDR with rows of 32768 pixels";
         assert!(refused.exit_code() == 2 && refused.to_string().ends_with(why), "{refused}");
         assert!(refused.remedy().ends_with("a.exr'"), "{}", refused.remedy());
         assert!(check([1, 32_768]).is_ok());

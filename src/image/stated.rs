@@ -33,8 +33,9 @@ pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
     ))
 }
 
-/// Returns at most two remarks on a picture: one if its header states other primaries than sRGB, and one if
-/// the header says that the picture is a cube map. The caller puts the file's name before each remark.
+/// Returns at most two remarks on a picture: one if its header states other primaries or another white than
+/// sRGB's, and one if the header says that the picture is a cube map. The caller puts the file's name before each
+/// remark.
 pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let header = headers.iter().find(|header| is_decoded(header));
@@ -49,8 +50,9 @@ pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     };
     let primaries = stated.filter(differs).map(|[rx, ry, gx, gy, bx, by, wx, wy]| {
         format!(
-            "has other primaries than sRGB (red at {rx} {ry}, green at {gx} {gy}, blue at {bx} {by}, white at {wx} \
-             {wy}); raycl does not convert its values to sRGB, so its colours differ from the intended ones"
+            "has other primaries or another white than sRGB (red at {rx} {ry}, green at {gx} {gy}, \
+             blue at {bx} {by}, white at {wx} {wy}); raycl does not convert its values to sRGB, so its colours differ \
+             from the intended ones"
         )
     });
     let map = header.and_then(|header| header.own_attributes.environment_map);
@@ -132,8 +134,8 @@ mod tests {
         let aces = "PRIMARIES=0.7347 0.2653 0 1 0.0001 -0.077 0.32168 0.33767\n";
         for bytes in [exr(Some(ACES), None), hdr(aces), hdr(&format!("PRIMARIES=0 0 0 0 0 0 0 0\n{aces}"))] {
             let said = header_remarks(&bytes);
-            let start =
-                "has other primaries than sRGB (red at 0.7347 0.2653, green at 0 1, blue at 0.0001 -0.077,";
+            let start = "has other primaries or another white than sRGB (red at 0.7347 0.2653, green at 0 1, \
+                         blue at 0.0001 -0.077,";
             assert!(said.len() == 1 && said[0].starts_with(start), "{said:?}");
         }
         let radiance = "PRIMARIES=0.640 0.330 0.290 0.600 0.150 0.060 0.333 0.333\n";
@@ -147,7 +149,7 @@ mod tests {
         {
             let said = header_remarks(&hdr(&format!("PRIMARIES={line}\n")));
             assert!(
-                said.len() == 1 && said[0].starts_with("has other primaries than sRGB"),
+                said.len() == 1 && said[0].starts_with("has other primaries or another white than sRGB"),
                 "{line}: {said:?}"
             );
         }

@@ -1,6 +1,6 @@
 //! Measures core-to-core latency: how long a cache line takes to move from one processor to another. A
 //! virtual machine's processors are threads of its host. The host may move these threads: two of them may
-//! then share a core, or run on distant cores. Each move of a virtual machine's processor changes the
+//! then share a core, or run on distant cores. Each move of a virtual machine's processor may change the
 //! core-to-core latency, and the speed of all kernels that share data between work-groups.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};

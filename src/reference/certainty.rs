@@ -21,8 +21,8 @@ pub use quick::quick_sample;
 /// pictures with a very wide field of view, wide and narrow nudges both have larger angles (see
 /// [`enlargement`]).
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
-/// The angle of narrow nudges: 16 times the rounding error of single precision. Rounding can turn a ray by up to ten
-/// rounding errors: four of the direction, and six of cross and dot products. A narrow nudge thus turns a ray
+/// The angle of narrow nudges: almost 17 times the rounding error of single precision. Rounding can turn a ray by up to
+/// ten rounding errors: four of the direction, and six of cross and dot products. A narrow nudge thus turns a ray
 /// further than rounding can, but less than twice as far. A pixel that changes only under wide nudges is
 /// nearly certain (see [`super::Doubt`]), and is verified almost like a certain pixel.
 const NUDGE_RADIANS: f64 = 1e-6;

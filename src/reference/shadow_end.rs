@@ -6,9 +6,8 @@ use glam::DVec3;
 /// A bound of the rounding error of a hit's distance from a light, relative to this distance: twice the error of four
 /// roundings (of at most 6e-8 each), rounded up.
 const ROUNDING_AT_DISTANCE: f64 = 5e-7;
-/// The gap between a shadow ray's end and the hit is proportional to 1 / cosine, but does not grow beyond
-/// this value of 1 / cosine. The cosine belongs to the angle between the light's direction and the surface's
-/// normal.
+/// The gap between a shadow ray's end and the hit grows in proportion to 1 / cosine, up to this value of
+/// 1 / cosine. The cosine belongs to the angle between the light's direction and the surface's normal.
 const MOST_PER_COSINE: f64 = 50.0;
 
 /// Returns the least and the greatest distance between a hit and the end of a shadow ray that a device casts

@@ -40,8 +40,8 @@ struct Node {
 
 #[derive(Clone, Copy, Debug)]
 enum Children {
-    /// Number of nodes from this node to its right child, in the list of all nodes.
     Inner {
+        /// Number of nodes from this node to its right child, in the list of all nodes.
         right: u32,
     },
     Leaf {

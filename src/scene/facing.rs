@@ -42,7 +42,7 @@ pub(super) fn note(
     eye_is_set: bool,
 ) -> Option<String> {
     let part = averted_part_of(&scene.mesh, own, &scene.camera, aspect)?;
-    let ground = if own < scene.mesh.triangles.len() { " beside the ground" } else { "" };
+    let ground = if own < scene.mesh.triangles.len() { " (without the ground)" } else { "" };
     let remedy = match is_turned {
         true => "in a scene that is seen from all sides, raycl reverses either all normals or none",
         false => "--two-sided (two_sided = true) reverses the normals of this part",

@@ -122,7 +122,7 @@ mod tests {
             .chain(&existing)
             .for_each(|name| std::fs::write(path(name), "").unwrap());
         let used = "newmtl used\nmap_Bump -bm 0.5 bump.png\nnorm a normal.png\nmap_Ks part\\shine.png\n";
-        // Both files that `missing.png`, with and without its author's folder, may mean are missing.
+        // The name `part/missing.png` may mean this file, or `missing.png` without the folder. Both are missing.
         let unused = "newmtl unused\nmap_Kd unused.png\nmap_Ke part/missing.png\nmap_aat off.png\n";
         std::fs::write(path("a.mtl"), format!("{used}{unused}")).unwrap();
         std::fs::write(path("a.obj"), "mtllib a.mtl\nusemtl used\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")

@@ -36,9 +36,9 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Returns the least alpha of a point that is not in a hole, in steps of an 8-bit channel. The returned
-    /// alpha is one unit of `least_alpha` (a 257th of a step) smaller than this least alpha. Otherwise,
-    /// rounding could make holes where all texels have exactly the least alpha.
+    /// Returns the alpha, in steps of an 8-bit channel, below which a point counts as a hole. The returned
+    /// alpha is one unit of `least_alpha` (a 257th of a step) smaller than `least_alpha`. Otherwise, rounding
+    /// could make holes where all texels have exactly the least alpha.
     pub fn least_step(&self) -> f64 {
         (f64::from(self.least_alpha) - 1.0) / f64::from(LEAST_ALPHA_UNIT)
     }

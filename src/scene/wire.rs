@@ -53,8 +53,8 @@ pub(super) struct SceneWire {
     /// The gap between a hit and that end of the hit's shadow ray which is near the hit [default: 1e-4 of the diagonal
     /// of the scene's box, but at least 9.5e-7 of the largest coordinate of the surfaces and of the camera's position].
     pub shadow_bias: Option<Number<NonNegative>>,
-    /// Light coarse meshes with smooth normals on a smooth surface above their triangles, so that their facets do not
-    /// shadow each other in steps [default: false].
+    /// Illuminate coarse meshes with smooth normals on a smooth surface above their triangles, so that their facets
+    /// do not shadow each other in steps [default: false].
     pub smooth_shadows: Option<bool>,
     /// How radiance is converted to 8-bit colours.
     #[serde(default)]

@@ -61,7 +61,8 @@ impl<'t> Place<'t> {
         let rest = self.text[self.at..].split([',', ']', '}', '#', '\n']).next()?;
         let word = rest.trim().trim_end_matches(['"', '\'']);
         let begins_text = word.starts_with(|first: char| first.is_alphabetic() || "./~_\\".contains(first));
-        // Rust reads numbers that TOML writes in another way, such as `.5e-3` and `NaN`. Quotes are not their remedy.
+        // Rust also parses numbers that TOML writes in another way, such as `.5e-3` and `NaN`. Such numbers need no
+        // quotes.
         let is_number = word.parse::<f64>().is_ok();
         if !begins_text || !word.contains(char::is_alphabetic) || is_number || !self.is_at_value() {
             return None;
@@ -170,7 +171,8 @@ fn twice(text: &str, span: Range<usize>) -> Option<Answer> {
     let (header, key) = (header_of(line), key_and_rest(line).0);
     let first = match &header {
         Some(header) => above.lines().position(|line| header_of(line).as_ref() == Some(header)),
-        // The key of another table is another key. In an inline table, the line begins with another key.
+        // A key of the same name in another table is not the same key. The line of an inline table begins with another
+        // key.
         None if key.ends_with(name) => above
             .lines()
             .enumerate()

@@ -75,7 +75,8 @@ fn transform(wire: &ObjectWire) -> Transform {
 }
 
 /// Returns the origin of a scene with these objects, in the file's coordinates: zero, unless the scene is far from the
-/// file's origin. A single bare mesh was moved to an origin of its own when its file was read, and keeps this origin.
+/// file's origin. The result is zero for a single bare mesh, too: if it was far from its file's origin, it was moved
+/// when its file was read.
 pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files: &[MeshFile]) -> DVec3 {
     if is_alone(document, objects) {
         return DVec3::ZERO;

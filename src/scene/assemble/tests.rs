@@ -465,7 +465,7 @@ fn a_dressed_mesh_whose_backs_are_seen_has_a_note_although_its_ground_is_seen_fr
     };
     assert_eq!(averted(&[]), None);
     let note = averted(&[Setting::new("two_sided", Value::Boolean(false))]).unwrap();
-    assert!(note.starts_with("100% of the visible surface beside the ground faces away"), "{note}");
+    assert!(note.starts_with("100% of the visible surface (without the ground) faces away"), "{note}");
     assert!(note.contains("--two-sided"), "{note}");
 }
 
@@ -947,7 +947,7 @@ fn a_skys_picture_that_is_not_what_it_is_used_as_is_noted() {
     hdr("");
     assert_eq!(notes(), [""; 0]);
     hdr("PRIMARIES=0.68 0.32 0.265 0.69 0.15 0.06 0.3127 0.329\n");
-    let start = "the sky's picture `sky` has other primaries than sRGB (red at 0.68 0.32,";
+    let start = "the sky's picture `sky` has other primaries or another white than sRGB (red at 0.68 0.32,";
     assert!(notes().len() == 1 && notes()[0].starts_with(start), "{:?}", notes());
     image::Rgb32FImage::new(4, 4).save_with_format(&picture, image::ImageFormat::OpenExr).unwrap();
     let start = "the sky's picture `sky` has 4 x 4 texels, but is used as an equirectangular picture";

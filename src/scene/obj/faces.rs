@@ -76,7 +76,7 @@ pub(super) struct FaceChunk {
     lost_normals: Seen,
     /// Faces with fewer than three corners.
     short: Seen,
-    /// The smoothing groups, which raycl does not read.
+    /// The smoothing groups, of which raycl makes only a note.
     pub smoothing: Smoothing,
 }
 

@@ -211,10 +211,10 @@ impl Reach<'_> {
         }
     }
 
-    /// Adds a picture to [`INPUTS`], and the missing files that raycl would prefer to this picture, as [`Self::locate`]
-    /// adds them for a texture. `names` are the possible names of the picture. Commands thus do not replace a file that
-    /// the mesh names, even if raycl does not read it, such as a picture of normals. Commands do not write such a file
-    /// if it is missing either: the next command could not replace it.
+    /// Adds a picture to [`INPUTS`]. Also adds the missing files that raycl would read instead of this picture if they
+    /// existed. `names` are the possible names of the picture. Commands thus do not replace a file that the mesh names,
+    /// even if raycl does not read it, such as a picture of normals. Commands do not write such a file if it is missing
+    /// either: the next command could not replace it.
     pub(in crate::scene) fn keep(&self, mut names: impl Iterator<Item = String>) {
         // The file is not read, so nobody needs to know whether it can be read.
         let _ = names.any(|name| self.locate(&name).is_ok());

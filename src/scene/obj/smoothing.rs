@@ -1,4 +1,4 @@
-//! Smoothing groups: by lines `s`, a file says which faces are smooth together. raycl does not read these groups; a
+//! Smoothing groups: by lines `s`, a file says which faces are smooth together. raycl does not use these groups; a
 //! note counts the triangles that are therefore smooth.
 
 use super::text::{tokens, words};

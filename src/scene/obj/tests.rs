@@ -347,7 +347,7 @@ fn what_a_mesh_asks_for_is_noted_by_name_and_count() {
     let without =
         "o a\ng b c\ns 1\nmg off\nvt 0 0\nv 0 0 0 1\nvp 1\nbevel off\nusemap off\n# l 1 2\n\nf 1/1 2/1 3/1";
     assert_eq!(notes_of(without, ""), Vec::<String>::new());
-    // Only a group's own triangles without normals can have an edge that raycl makes smooth.
+    // Only triangles without normals become smooth, so a group without such triangles causes no note.
     for fine in ["s off\ns 1", "s 1\nf 1 2 3\ns 2\ns 1", "s off\nvn 0 0 1\nf 1//1 2//1 3//1\ns 1"] {
         assert_eq!(notes_of(fine, ""), Vec::<String>::new(), "{fine}");
     }

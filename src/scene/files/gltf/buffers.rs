@@ -37,8 +37,8 @@ pub(super) fn load<'a>(
                 .map_err(|flaw| flaw.within(&format!("buffer {number}")))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
-                // Every buffer that is empty although the file states bytes is refused here, because such a
-                // buffer would not be noticed later if no accessor uses it.
+                // Every buffer that is empty although the file states a length above 0 is refused here, because
+                // such a buffer would not be noticed later if no accessor uses it.
                 0 if expected > 0 => {
                     Err(format!("buffer {number} is empty; expected {expected} bytes").into())
                 }

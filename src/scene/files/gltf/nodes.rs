@@ -136,7 +136,8 @@ impl<'a> Walk<'a> {
             let joints = skin.and_then(|index| self.skins.get(&index.value()));
             match Part::read(&self.numbers, primitive, map.map(|map| map.set), joints.is_some())? {
                 Some(part) => {
-                    // After a transform, such a position would no longer have the file's numbers.
+                    // Positions are checked before the transform. After the transform, they would no longer have
+                    // the file's numbers.
                     if let Some(position) = part.positions.iter().find(|position| !position.is_finite()) {
                         return Err(invalid(position));
                     }

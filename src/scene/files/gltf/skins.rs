@@ -129,9 +129,10 @@ impl Skin {
         odd
     }
 
-    /// Returns the average of a vertex's joints by their weights, and true if some of its joints or weights are not
-    /// valid. Joints that do not exist or have no transform, and weights that are negative or not finite, do not count.
-    /// If nothing remains, the result is the transform of the skin's first valid joint, and true.
+    /// Returns the mean of the transforms of a vertex's joints, weighted by the joints' weights, and true if some of
+    /// the vertex's joints or weights are not valid. Joints that do not exist or have no transform, and weights that
+    /// are negative or not finite, do not count. If nothing remains, the result is the transform of the skin's first
+    /// valid joint, and true.
     fn blended(&self, sets: &[Influences], vertex: usize) -> (DMat4, bool) {
         let (mut sum, mut total, mut is_odd) = (DMat4::ZERO, 0.0, false);
         for (joint, weight) in sets.iter().flat_map(|set| set.of(vertex)).filter(|(_, weight)| *weight != 0.0)

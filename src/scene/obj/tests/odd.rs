@@ -72,7 +72,8 @@ fn a_mesh_far_from_its_origin_keeps_its_placement_beside_vertices_that_are_not_v
     }
 }
 
-/// Near the face at the origin, a mesh far from it would be moved so little that rounding joins its corners.
+/// If the face whose corners are all at one vertex counted, the mesh would not be moved, and rounding would join the
+/// corners of its other face.
 #[test]
 fn a_mesh_far_from_its_origin_is_placed_without_faces_that_no_ray_hits() {
     let corners = "v 500000.25 5400000 7\nv 500000.26 5400000 7\nv 500000.25 5400000.01 7\n";

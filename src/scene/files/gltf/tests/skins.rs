@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 /// A list in the buffer of a file: its bytes, and the keys of its accessor.
 type List = (Vec<u8>, &'static str);
 
-/// A bar along y of one triangle. The first corner belongs to the lower joint, the third to the upper joint, and the
-/// second to both. The upper joint is turned by a quarter about z, from y to -x.
+/// A bar along y, which is a single triangle. The first corner belongs to the lower joint, the third to the upper
+/// joint, and the second to both. The upper joint is turned by 90 degrees about z, from y to -x.
 struct Bar {
     nodes: String,
     skins: String,
