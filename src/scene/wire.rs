@@ -67,16 +67,16 @@ pub(super) struct SceneWire {
 #[derive(Default, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CameraWire {
-    /// The position of the camera's eye [default: the origin].
+    /// The position of the camera's eye [default: the origin, if no azimuth or elevation is set].
     #[schemars(with = "Option<Position>")]
     pub position: Option<Spanned<Position>>,
-    /// The point in the middle of the picture [default: position + [0, 0, -1]].
+    /// The point in the middle of the picture [default: position + [0, 0, -1], if no azimuth or elevation is set].
     #[schemars(with = "Option<Position>")]
     pub look_at: Option<Spanned<Position>>,
     /// The direction that points up in the picture [default: [0, 1, 0]].
     #[schemars(with = "Option<Vector>")]
     pub up: Option<Spanned<Vector>>,
-    /// Field of view across the width [default: 90].
+    /// Field of view across the width [default: 90, or 35 across the height if an azimuth or elevation is set].
     #[schemars(with = "Option<Number<Angle>>")]
     pub fov_x_degrees: Option<Spanned<Number<Angle>>>,
     /// Field of view across the height, instead of fov_x_degrees.
