@@ -62,9 +62,9 @@ impl Raycaster {
     /// preferred and, among these, those with a vendor's driver. Of devices that are equal in kind, memory
     /// and driver, the device with the most compute units is used.
     ///
-    /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). A program that calls
-    /// [`serve_if_worker`] first limits these threads to the processors on which the program may run, as
-    /// `raycl render` does.
+    /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). If a program calls
+    /// [`serve_if_worker`] before `open`, these threads are limited to the processors on which the program
+    /// may run, as those of `raycl render` are.
     ///
     /// The crate `ocl` panics at some failures of a driver. `open` and [`Self::cast`] turn these panics of
     /// `ocl` into errors. To turn panics into errors, the first call of `open` sets a panic hook, which hides
@@ -202,8 +202,9 @@ fn check_scene(scene: &Scene) -> Result<()> {
     scene.sky.iter().filter_map(|sky| sky.picture.as_deref()).try_for_each(check_sky_picture)
 }
 
-/// Refuses a picture of the sky if it has no texels, if their number does not match its size, if a texel has a number
-/// that is not from 0 to [`MAX_POWER`], or if `ahead`, the direction of its middle, is not a unit vector.
+/// Refuses a picture of the sky if it has no texels, if the number of texels does not match the picture's size, if a
+/// texel has a number that is not from 0 to [`MAX_POWER`], or if `ahead`, the direction of the picture's middle, is not
+/// a unit vector.
 fn check_sky_picture(picture: &SkyPicture) -> Result<()> {
     let SkyPicture { size: [across, down], texels, ahead, .. } = picture;
     let count = texels.len() as u64;

@@ -190,7 +190,7 @@ fn group_available(folder: &Path, files: &GroupFiles) -> Option<Available> {
 }
 
 /// Returns how many more bytes a control group's limit allows; `None` if there is no limit. File pages count as free:
-/// Linux reclaims those in use, too (`active_file`), before it refuses memory.
+/// before Linux refuses memory, it reclaims file pages, even those in use (`active_file`).
 fn group_left(limit: &str, used: &str, stat: &str, reclaimable: [&str; 2]) -> Option<u64> {
     let limit: u64 = limit.trim().parse().ok()?; // version 2 writes "max" if there is no limit
     let used: u64 = used.trim().parse().ok()?;

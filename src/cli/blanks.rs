@@ -1,6 +1,7 @@
 //! Recognises values that a shell split or cut: a strategy or a value of `--set` that the user wrote with blanks, such
-//! as `--strategy deferred, width=4`; a value after a blank if the option needs `=`; and a colour after `#`, at which
-//! the shell begins a comment. Clap (the library that parses the arguments) does not expect the words after a blank.
+//! as `--strategy deferred, width=4`; a value after a blank if the option needs `=`; and a colour that begins with `#`,
+//! which a shell takes for the beginning of a comment. Clap (the library that parses the arguments) does not expect the
+//! words after a blank.
 
 use super::Cli;
 use super::guesses::with_tip;
@@ -37,7 +38,8 @@ fn is_without_value(error: &clap::Error) -> bool {
         && matches!(value, Some(ContextValue::String(value)) if value.is_empty())
 }
 
-/// Returns the tip about a colour without quotes, of which the shell passes nothing on.
+/// Returns the tip about a colour that begins with `#` and is not in quotes: the shell does not pass such a colour on.
+/// Returns `None` if `option` takes no colour.
 fn cut_colour(option: &str) -> Option<String> {
     option
         .starts_with("--background")
@@ -77,11 +79,11 @@ fn brackets(word: &str) -> i64 {
     word.chars().map(change).sum()
 }
 
-/// Returns the words from the value of the last option `option` before the word `unexpected`, and the position of the
-/// word `unexpected` in them. Returns `None` if there is no such option.
+/// Finds the last option `option` before the word `unexpected`. Returns all words from this option's value on, and the
+/// position of the word `unexpected` among these words. Returns `None` if there is no such option.
 fn split_value<'a>(option: &str, unexpected: &str, words: &'a [OsString]) -> Option<(Vec<&'a str>, usize)> {
     let words: Vec<&str> = words.iter().filter_map(|word| word.to_str()).collect();
-    // Of a word with one `-`, such as `-1,`, clap names only the first letter: `-1`.
+    // If a word begins with a single `-`, such as `-1,`, clap names only its first two characters: `-1`.
     let is_short = unexpected.starts_with('-') && !unexpected.starts_with("--");
     let is_unexpected = |word: &&str| *word == unexpected || (is_short && word.starts_with(unexpected));
     let at = words.iter().position(is_unexpected)?;
@@ -108,7 +110,7 @@ fn after_blank(unexpected: &str, words: &[OsString]) -> Option<String> {
     Some(format!("write the value with '=': {option}={}", quote(value)))
 }
 
-/// Returns true if `option` is an option, of the command in `words`, whose value is optional and follows `=`.
+/// Returns true if the command in `words` has the option `option`, and the option's value must follow `=`.
 fn needs_equals(option: &str, words: &[OsString]) -> bool {
     let cli = Cli::command();
     let command = words.iter().skip(1).find_map(|word| cli.find_subcommand(word));

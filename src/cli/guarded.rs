@@ -56,8 +56,8 @@ pub struct Guarded<'a> {
     /// True if the command writes frames to standard output, one by one. Such a command cannot run again, since the
     /// reader of the frames would get the frames of both runs in one stream.
     pub streams: bool,
-    /// True if the command loads compiled programs from raycl's cache. If it does not, no stored program can have
-    /// crashed it, and the command need not run again without the stored programs.
+    /// True if the command loads compiled programs from raycl's cache. If the command does not, no stored program can
+    /// have crashed the command, which therefore need not run again without the stored programs.
     pub loads_stored_programs: bool,
     /// True for `raycl render` and `raycl view`: the allocator of the child process uses huge pages, unless the user
     /// has set `GLIBC_TUNABLES`. Commands that only measure run without huge pages, as the worker processes of `raycl
@@ -105,16 +105,16 @@ impl Guarded<'_> {
     }
 }
 
-/// Runs this process's command line in a child process; `command` describes it. If the child's exit code is 0, returns.
-/// If it is not 0, ends this process with the child's exit code. If a driver seems to have ended the child process,
-/// raycl runs the command line again without the drivers that fail. If no driver fails alone, raycl may run the command
-/// line again without the compiled programs in its cache ([`with_all_drivers`]).
+/// Runs this process's command line in a child process; `command` describes this command line. If the child's exit code
+/// is 0, returns. If it is not 0, ends this process with the child's exit code. If a driver seems to have ended the
+/// child process, raycl runs the command line again without the drivers that fail. If no driver fails alone, raycl may
+/// run the command line again without the compiled programs in its cache ([`with_all_drivers`]).
 ///
 /// # Errors
 ///
 /// Fails if a driver seems to have ended the child process, and the command cannot run again, for example because every
-/// driver fails. Also fails if the command runs again in a second child process, and a driver seems to have ended this
-/// process too.
+/// driver fails. Also fails if the command runs again in a second child process, and a driver seems to have ended the
+/// second child process too.
 pub fn run(command: &Guarded<'_>) -> Result<()> {
     let sets_allocator = command.shows_pictures && std::env::var_os(ALLOCATOR).is_none();
     let allocator = sets_allocator.then(|| (ALLOCATOR, allocator_settings(cores()).into()));
@@ -255,8 +255,8 @@ impl Parent {
 /// container's first process, which ends with the exit code 130 instead.) If this function ends the process, no
 /// destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
-    // The child process has ended, and the shell sees only that its parent process, this one, exits.
-    // Therefore only this parent process can tell the user which signal ended the child process.
+    // The shell sees only how this process ends, not how the child process ended. Therefore only this process can tell
+    // the user which signal ended the child process.
     if let Some(error) = ended_by_signal(status) {
         printer::tell(format!("{:?}", miette::Report::new(error)));
     }

@@ -12,7 +12,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Returns the error of clap for the arguments `words` with other guesses.
+/// Returns clap's error for the arguments `words`, with raycl's guesses in place of clap's.
 pub fn explain(error: clap::Error, words: &[OsString]) -> clap::Error {
     match error.kind() {
         ErrorKind::InvalidSubcommand => without_hidden_commands(with_command_of_file(error, words)),
@@ -73,7 +73,8 @@ fn without_hidden_commands(mut error: clap::Error) -> clap::Error {
     error
 }
 
-/// Returns the error without clap's advice to put `--` before an unknown option: no command takes it as a value.
+/// Returns the error without clap's advice to put `--` before an unknown option: no command takes such a word as a
+/// value.
 fn without_double_dash(mut error: clap::Error) -> clap::Error {
     let has_dashes = match error.get(ContextKind::Suggested) {
         Some(ContextValue::StyledStrs(tips)) => tips.iter().any(|tip| tip.to_string().contains("use '-- ")),

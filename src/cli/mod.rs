@@ -478,8 +478,8 @@ mod tests {
         std::iter::once((command.get_name().to_owned(), text)).chain(below).collect()
     }
 
-    /// clap prints at most 100 columns (`max_term_width`). If an example were longer, a copy of the example would
-    /// be two commands.
+    /// clap prints at most 100 columns (`max_term_width`). If an example were longer, clap would print it on two lines,
+    /// and a shell would run a copy of these lines as two commands.
     #[test]
     fn an_example_fits_on_a_line_of_the_help() {
         let mut seen = 0;

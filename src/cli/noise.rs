@@ -86,9 +86,9 @@ fn experiment(folder: &Path, set: &[(String, String)]) -> Result<Experiment> {
     Ok(experiment)
 }
 
-/// If the user interrupted the measurement, returns an error that says that nothing is kept, because the temporary
-/// folder with the results is removed; the message of `error` says which results are kept. Returns `error` unchanged if
-/// it has another cause.
+/// If the user interrupted the measurement, returns an error that says that no results are kept. (The message of
+/// `error` says which results are kept, but `raycl noise` removes the temporary folder with all results.) Returns
+/// `error` unchanged if it has another cause.
 fn to_be_repeated(error: Error) -> Error {
     match error {
         Error::Interrupted { .. } => {

@@ -10,9 +10,9 @@ use super::choice::{number, parse_size};
 use crate::device::occupancy::{Limiter, Multiprocessor, Occupancy, capabilities, multiprocessor, occupancy};
 use crate::error::{Error, Result};
 
-/// The words of messages about text that is no number of registers.
+/// The description of a valid number of registers, for messages about text that is not one.
 const REGISTERS: &str = "a whole number of registers, such as 32";
-/// The words of messages about text that is no number of bytes.
+/// The description of a valid number of bytes, for messages about text that is not one.
 const BYTES: &str = "a whole number of bytes, such as 4096";
 
 /// Arguments of `raycl occupancy`.

@@ -7,7 +7,8 @@ use clap::CommandFactory as _;
 use clap::error::{ContextKind, ContextValue};
 
 /// For each renamed word: the context in which clap (the library that parses the arguments) reports the old word, then
-/// the old word and the new words, in backticks. Of several new options, a command has all or none.
+/// the old word and the new words, in backticks. If the new words are several options, a command has either all of them
+/// or none.
 const RENAMED: [(ContextKind, &str, &str); 3] = [
     (ContextKind::InvalidSubcommand, "limits", "`raycl peak`"),
     (ContextKind::InvalidArg, "--limits", "`--peak`"),

@@ -97,8 +97,8 @@ pub struct Args {
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
     /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If the number is above 1, the first
-    /// cast warms up the device: raycl leaves out its time, and casts the frame once more. A first cast of more than a
-    /// second counts, however. With --devices, each device always casts the frame once more, to warm up
+    /// cast warms up the device: raycl leaves out the time of this cast, and casts the frame once more. A first cast of
+    /// more than a second counts, however. With --devices, each device always casts the frame once more, to warm up
     #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it

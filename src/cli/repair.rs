@@ -39,7 +39,7 @@ pub struct Args {
 /// are repaired too, except those of attempts that may be running. A running attempt increases a counter once
 /// per second. If some attempts have not reported their end, the repair reads the counters of all attempts
 /// twice, five seconds apart. An attempt whose counter has not increased was lost, so its journals are
-/// repaired. If the user's mistake, such as a link in the place of a file, prevents the repair of an attempt, the
+/// repaired. If a mistake of the user, such as a link in the place of a file, prevents the repair of an attempt, the
 /// other attempts are repaired, and the command then ends with an error. If a file cannot be written, the command
 /// prints what it has repaired, and ends with an error.
 pub fn run(args: Args) -> Result<()> {
@@ -67,7 +67,7 @@ struct Findings {
     /// The errors about unreadable files that are not journals, such as plan.json, and about files that prevent the
     /// repair of an attempt.
     unreadable: Vec<Error>,
-    /// Number of the attempts that could not be repaired because of the user's mistake.
+    /// Number of attempts that could not be repaired because of a mistake of the user.
     refused: usize,
     /// The folders of attempts that may still be running, whose journals were therefore not repaired.
     running: Vec<PathBuf>,

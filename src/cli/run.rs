@@ -268,7 +268,8 @@ fn takes_new_folder(args: &Args) -> bool {
     args.out.is_none() && !args.resume
 }
 
-/// Returns the folder of results. Returns an error if its path is not UTF-8, or if the run must not write into it.
+/// Returns the folder of results. Returns an error if the path of this folder or of the config is not UTF-8, or if the
+/// run must not write into the folder.
 fn folder_of_results(args: &Args, experiment: &Experiment) -> Result<PathBuf> {
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     // The user may have named these paths without typing them: by RAYCL_RESULTS, or by TMPDIR for `raycl noise`.

@@ -233,7 +233,8 @@ pub struct NamedStrategy {
 
 impl NamedStrategy {
     /// Returns a note that says that the strategy `first` is measured in place of this strategy, which has the
-    /// same value on every axis. `sizes` are those of this strategy's local sizes for which this holds.
+    /// same value on every axis. `sizes` are those of this strategy's local sizes at which `first` is measured in its
+    /// place.
     fn note_on_equal(&self, first: &str, sizes: &[[u32; 2]]) -> String {
         let sizes = match sizes.len() == self.local_sizes.len() {
             true => String::new(),

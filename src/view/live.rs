@@ -136,8 +136,8 @@ impl Live {
         })
     }
 
-    /// Sets how many bytes of the host's memory the trees of the heat map and of the pointer use. The next strategy,
-    /// device, scene or picture's size cannot use these bytes.
+    /// Sets how many bytes of the host's memory the trees of the heat map and of the pointer use. When the
+    /// strategy, the device, the scene or the picture's size next changes, these bytes count as used.
     pub fn count_trees(&mut self, bytes_of_trees: u64) {
         self.bytes_of_trees = bytes_of_trees;
         self.casting.session.set_bytes_beside(bytes_of_trees);

@@ -174,8 +174,8 @@ fn compare(
 }
 
 /// Returns why the blocks' numbers of samples are wrong; `None` if they are right. The reference's first samples say
-/// which blocks are rough and get all samples. If only `some` pixels are compared, the blocks of about as many
-/// pixels are compared.
+/// which blocks are rough and get all samples. If `some` is given, only some blocks are compared: those that, with the
+/// rings of pixels around them, have about `some` pixels.
 fn wrong_counts(
     scene: &Scene,
     size: [u32; 2],

@@ -57,9 +57,9 @@ fn casts_one_frame(args: &Args) -> bool {
     args.repeat == 1 && !args.motion.moves()
 }
 
-/// A tree is built for one frame only if the frame has at most this many rays from the eye per triangle. On 2 cores of
-/// an AMD EPYC (docs/log.md, 2026-11-28), a tree for one frame saves about 40 ns per triangle, and a ray takes about 3
-/// ns longer.
+/// A tree is built for a single frame only if the frame has at most this many rays from the eye per triangle. On 2
+/// cores of an AMD EPYC (docs/log.md, 2026-11-28), a tree for one frame saves about 40 ns per triangle, and a ray takes
+/// about 3 ns longer.
 const MOST_RAYS_PER_TRIANGLE: usize = 8;
 
 /// Returns whether the tree of a picture with `samples` samples per pixel is built for a single frame or for

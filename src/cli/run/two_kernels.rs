@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 /// and prints the comparison unless `quiet` is true. If `limit_percent` is given, returns an error with exit
 /// code 1 if the kernels of the second folder are slower by more than `limit_percent`. The slowdown must be
 /// statistically significant for a single point, for the mean of one strategy's points, or for the mean of
-/// all points. If `limit_percent` is given, also returns this error if a point fails with the kernels of the
-/// second folder, but was measured with those of the first.
+/// all points except baselines. If `limit_percent` is given, also returns this error if a point fails with the kernels
+/// of the second folder, but was measured with those of the first.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
     let mut comparison = Comparison::of_kernels(folder, THRESHOLD_PERCENT / 100.0);
     if limit_percent.is_some() {

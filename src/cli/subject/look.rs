@@ -8,9 +8,9 @@ use toml::Value;
 /// The help lists the options of [`Look`] under this heading. Every option names the heading itself: if the group of
 /// options had the heading, the heading would also apply to the options after the group.
 const HEADING: &str = "View of the scene";
-/// The words of messages about text that is no angle.
+/// The description of a valid angle, for messages about text that is not one.
 const DEGREES: &str = "a number of degrees, such as 30";
-/// The words of messages about text that is no factor.
+/// The description of a valid factor, for messages about text that is not one.
 const FACTOR: &str = "a number, such as 15";
 
 /// The view of a scene: direction, background and normals.

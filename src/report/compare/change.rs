@@ -127,8 +127,8 @@ fn among_group<'a>(
 }
 
 /// Returns, for each device, those of its `kernels` whose times changed by similar factors (see [`alike`]); no kernels
-/// if their changes have no majority. Leaves out devices with fewer than three kernels, since nobody could know which
-/// of two kernels became faster or slower.
+/// if no majority of them changed by similar factors. Leaves out devices with fewer than three kernels, since nobody
+/// could know which of two kernels became faster or slower.
 fn of_each_device<'a>(kernels: &[Both<'a>]) -> Vec<(Option<Devices<'a>>, Found<'a>)> {
     let mut of_devices: HashMap<Devices<'a>, Vec<Both<'a>>> = HashMap::new();
     for &pair in kernels {

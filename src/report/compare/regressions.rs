@@ -1,6 +1,6 @@
 //! Finds regressions: slowdowns that are statistically significant. The tests are of each single point, of
-//! the mean of each strategy's points, and of the mean of all points. A mean shows a small slowdown of many
-//! points even if no single slowdown is significant, for example after a change to a file that all strategies
+//! the mean of each strategy's points, and of the mean of all points except baselines. A mean shows a small slowdown of
+//! many points even if no single slowdown is significant, for example after a change to a file that all strategies
 //! share.
 
 use super::Comparison;
@@ -13,8 +13,8 @@ use crate::record::{
     unshared_delay,
 };
 
-/// The probability with which a comparison of two runs of the same program should at most report a regression.
-/// (With two launches, the actual probability is up to twice as large.)
+/// The largest probability with which a comparison of two runs of the same program should report a regression. (With
+/// two launches, the actual probability is up to twice as large.)
 const RISK: f64 = 0.02;
 
 /// Returns one line per slowdown that exceeds `limit_percent` with the certainty that `RISK` demands. A

@@ -148,7 +148,7 @@ fn a_group_without_an_anchor_does_not_hide_the_others() {
 
 /// The points of ten scenes were measured with the same anchor. From run to run, the time of each point
 /// differs by 0.4%. In a mean over all points, the differences of single points average out. The difference
-/// of the anchor (the fixed work by whose time all of them are divided) does not.
+/// of the anchor (the fixed work by whose time all of them are divided) does not average out.
 #[test]
 fn the_anchors_own_difference_between_runs_does_not_average_out() {
     let record = |number: u32, record: &Record| Record {

@@ -123,7 +123,8 @@ impl Memory {
     }
 }
 
-/// Returns whether the server has copied the picture, or `None` if it could not. The server reports both as events.
+/// Returns true if the event says that the server has copied the picture, `None` if the event says that the server
+/// could not copy the picture, and false if it is any other event.
 fn is_copied(event: &Event) -> Option<bool> {
     match event {
         Event::Error(_) => None,

@@ -222,9 +222,9 @@ fn options() -> WindowOptions {
     WindowOptions { resize: true, scale_mode: ScaleMode::UpperLeft, ..WindowOptions::default() }
 }
 
-/// Returns how far the pointer moved during a drag from `from` to `at`: first to the right, then down. The
-/// unit is the height of the picture. `size` is the picture's size in pixels. Returns zeros if the drag has
-/// only begun (`from` is `None`) or has ended (`at` is `None`).
+/// Returns how far the pointer moved during a drag from `from` to `at`. The first number is the distance to the right,
+/// the second the distance down. The unit is the height of the picture. `size` is the picture's size in pixels. Returns
+/// zeros if the drag has only begun (`from` is `None`) or has ended (`at` is `None`).
 fn moved(from: Option<[f64; 2]>, at: Option<[f64; 2]>, size: [u32; 2]) -> [f64; 2] {
     let by = match (from, at) {
         (Some(from), Some(at)) => [at[0] - from[0], at[1] - from[1]],
