@@ -87,7 +87,7 @@ struct Reading {
     ended: Receiver<()>,
 }
 
-/// The bytes that a stream has had so far.
+/// The bytes that were read from a stream so far.
 #[derive(Clone, Default)]
 struct Heard(Arc<Mutex<Vec<u8>>>);
 
@@ -112,7 +112,7 @@ fn reading(mut from: impl Read + Send + 'static) -> IoResult<Reading> {
     Ok(Reading { heard, ended })
 }
 
-/// Returns all bytes of a stream, or those that it has had by the time `until`.
+/// Returns all bytes of a stream, or those that were read from it by the time `until`.
 fn words_of(stream: Option<Reading>, until: Instant) -> Vec<u8> {
     let Some(Reading { heard, ended }) = stream else { return Vec::new() };
     let _ = ended.recv_timeout(until.saturating_duration_since(Instant::now()));

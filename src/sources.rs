@@ -228,8 +228,8 @@ const LAYOUT: &str =
 /// The remedy for an error in one of the user's kernel files.
 const OWN_FILE: &str = "correct the file: docs/own-kernels.md lists the functions, types and macros that it must define; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
 
-/// The remedy for a file that uses a field which its `Row` does not have. The length of a `Row` is stated far from where
-/// the field is used: in the file's header.
+/// The remedy for a file that uses a field which its `Row` does not have. The length of a `Row` is stated far from
+/// where the field is used: in the file's header.
 const ROW: &str = "with `record_floats: 12` in the file's header, a Row has the fields a, b, c, u, v and w, and with any other number only the array `number`";
 
 /// The remedy for a link in the user's folder that leads to no file that raycl can reach.
@@ -274,7 +274,7 @@ pub fn does_not_compile(log: &str) -> Error {
     Error::input(format!("a kernel file does not compile: {log}")).with_help(help)
 }
 
-/// raycl includes no further file in a program that is longer than this.
+/// raycl includes no further file in a program that is longer than this number of MiB.
 const LONGEST_PROGRAM_MIB: usize = 16;
 
 /// The files that are being joined. Each file in this list is included by the file before it.

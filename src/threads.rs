@@ -1,7 +1,7 @@
 //! Starts the threads of the library rayon, which share the work of parallel iterators. rayon starts the
 //! threads by itself when they are first needed, but panics if the system refuses a thread. The system refuses a
-//! thread if `ulimit -u` or a control group's limit allows no more threads. The code of raycl starts single threads with
-//! `std::thread::Builder`, which returns an error, and not with `std::thread::spawn` or a scope's `spawn`,
+//! thread if `ulimit -u` or a control group's limit allows no more threads. The code of raycl starts single threads
+//! with `std::thread::Builder`, which returns an error, and not with `std::thread::spawn` or a scope's `spawn`,
 //! which panic. This file also locks data that threads share, and counts the cores that this process may use.
 
 use crate::error::{Error, Result};

@@ -83,8 +83,8 @@ fn named(status: i32) -> Option<Status> {
 pub fn devices(platform: Platform) -> Result<Vec<Device>, String> {
     let (mut count, platform) = (0_u32, platform.as_core().as_ptr());
     let list = |entries, devices, count: *mut u32| {
-        // SAFETY: `devices` has room for `entries` devices, or is null if `entries` is 0. `count` is null or points to a
-        // number that outlives the call.
+        // SAFETY: `devices` has room for `entries` devices, or is null if `entries` is 0. `count` is null or points to
+        // a number that outlives the call.
         unsafe { ffi::clGetDeviceIDs(platform, ffi::CL_DEVICE_TYPE_ALL, entries, devices, count) }
     };
     let status = list(0, ptr::null_mut(), &mut count);

@@ -37,8 +37,8 @@ impl Hardware {
         self.uuid.as_deref().or(self.pci_bus.as_deref())
     }
 
-    /// Queries the hardware's properties of a device that supports the OpenCL extensions `extensions`. `ask`
-    /// returns the bytes of the device's answer to a query, or `None` if the query fails.
+    /// Queries the properties of a device's hardware. The device supports the OpenCL extensions `extensions`.
+    /// `ask` returns the bytes of the device's answer to a query, or `None` if the query fails.
     pub fn ask(extensions: &[String], ask: impl Fn(u32) -> Option<Vec<u8>>) -> Self {
         let has = |name: &str| extensions.iter().any(|extension| extension == name);
         let attributes = has("cl_nv_device_attribute_query");

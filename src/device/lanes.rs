@@ -34,7 +34,7 @@ pub enum LaneTest {
     /// raycl tests all devices while it lists them, before it chooses a device.
     Now,
     /// raycl tests a device when [`Device::test_lanes`](super::Device::test_lanes) is called. Until the test
-    /// has run, raycl assumes that the device has the fastest operations that its extensions suggest. A picture whose
+    /// has run, raycl assumes that the device has the fastest operations that may work on it. A picture whose
     /// kernels do not exchange values between work-items thus does not wait for the test, which takes 0.4 s on a GPU.
     Later,
 }
@@ -85,15 +85,15 @@ impl LaneOperations {
         }
     }
 
-    /// Returns the fastest implementation of lane operations that a device's extensions suggest, or barriers
-    /// if the extensions suggest no implementation.
+    /// Returns the fastest implementation of lane operations that may work on a device, according to
+    /// [`hinted`]. Returns barriers if `hinted` returns no implementation.
     pub(super) fn assumed(info: &DeviceInfo) -> Self {
         hinted(info).first().copied().unwrap_or_default()
     }
 
-    /// Returns the fastest implementation that a device's extensions suggest and that passes the test on this
-    /// device. Returns barriers if no implementation passes the test, and `None` if the device cannot be used
-    /// now.
+    /// Returns the fastest implementation that [`hinted`] returns for a device and that passes the test on
+    /// this device. Returns barriers if no implementation passes the test, and `None` if the device cannot be
+    /// used now.
     ///
     /// # Errors
     ///
@@ -313,8 +313,8 @@ mod tests {
     }
 
     /// In this test, macros replace OpenCL's functions for sub-groups, so the device need not have
-    /// sub-groups. The macros return the size of a sub-group, a work-item's lane in its sub-group, and the
-    /// sub-group's number.
+    /// sub-groups. The first three macros return the size of a sub-group, a work-item's lane in its sub-group,
+    /// and the sub-group's number.
     #[test]
     fn sub_groups_of_another_size_write_no_answers() {
         let Device { info, platform, device, .. } = discover(&Sources::Embedded).unwrap().remove(0);

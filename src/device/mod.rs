@@ -292,9 +292,9 @@ pub struct Device {
     pub platform: ocl::Platform,
     /// The OpenCL handle of the device.
     pub device: ocl::Device,
-    /// True if `info.limits.lane_operations` is the result of a test, or if no test is needed because the
-    /// device's extensions suggest only barriers. If false, `lane_operations` is assumed from the extensions,
-    /// or is `Barriers` because the device could not be tested.
+    /// True if `info.limits.lane_operations` is the result of a test, or if no test is needed because
+    /// raycl uses only barriers on the device, for example because it is a CPU. If false, `lane_operations`
+    /// is assumed from the device's extensions, or is `Barriers` because the device could not be tested.
     pub lanes_are_tested: bool,
 }
 

@@ -130,8 +130,8 @@ fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) 
 
 /// Returns the number of work-groups for which a multiprocessor has enough registers. Registers are allocated to whole
 /// warps, in units of 64 registers on compute capability 2.x and of 256 registers from 3.0 on. The number of warps for
-/// which a multiprocessor has registers is rounded down to a multiple of `warp_granularity`. For the largest number of
-/// registers of a single work-group, the number of the group's warps is rounded up to such a multiple.
+/// which a multiprocessor has registers is rounded down to a multiple of `warp_granularity`. To compute how
+/// many registers a single work-group needs, the number of the group's warps is rounded up to such a multiple.
 fn groups_by_registers(sm: &Multiprocessor, registers: u32, warps: u64) -> Fits<u64> {
     let wanted = WARP * u64::from(registers.max(1));
     let granularity = sm.warp_granularity;

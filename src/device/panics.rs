@@ -54,7 +54,7 @@ pub fn report_panics() {
 /// # Errors
 ///
 /// Fails if the crate `ocl` panics in `work`. Panics outside the crate `ocl` propagate to the caller. While
-/// the first panic unwinds, the freeing of a second OpenCL object may panic too. Rust then aborts the
+/// a panic unwinds, the freeing of an OpenCL object may cause a second panic. Rust then aborts the
 /// process; raycl cannot prevent the abort. If the program has replaced the panic hook that the first call of
 /// this function sets, panics of the crate `ocl` propagate to the caller, too.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, Error> {

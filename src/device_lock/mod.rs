@@ -209,8 +209,9 @@ impl Locks {
     }
 }
 
-/// Makes up to [`LOCK_ATTEMPTS`] attempts to lock a file, until an attempt ends without the file having been removed.
-/// The argument of `attempt` is true if the file must still be there: true for every attempt except the last.
+/// Attempts to lock a file, and tries again if the file was removed after it was opened ([`Attempt::Removed`]). Makes
+/// at most [`LOCK_ATTEMPTS`] attempts. The argument of `attempt` is true if the file must still be there: true for
+/// every attempt except the last.
 fn unless_removed(attempt: impl Fn(bool) -> IoResult<Attempt>) -> IoResult<Attempt> {
     for _ in 1..LOCK_ATTEMPTS {
         match attempt(true)? {

@@ -205,8 +205,8 @@ impl Run<'_> {
     fn load_ms(&self, earlier: &Record) -> f64 {
         let build_ms = earlier.build_ms.unwrap_or(0.0);
         match (self.caches_programs, earlier.build_from_cache) {
-            // The earlier run compiled the program in `build_ms`. raycl's cache is assumed to hold the program since
-            // then. The short time to load the program is unknown.
+            // The earlier run compiled the program in `build_ms`. raycl's cache is assumed to hold the program now.
+            // The short time to load the program is unknown.
             (true, Some(false)) => 0.0,
             // Each launch compiles the program, but the earlier run only loaded it.
             (false, Some(true)) => build_ms.max(COMPILE_MS),

@@ -36,7 +36,7 @@ pub struct Before {
 
 /// Reads the results of earlier attempts from their folders. If `keeps_moved_samples` is true, all samples
 /// count, whatever their core-to-core latency. Points with a record are finished, with two exceptions. If
-/// `retry_failed` is true, a point is also unfinished if its record is not final ([`Record::is_final`]): a
+/// `retry_failed` is true, a point is unfinished if its record is not final ([`Record::is_final`]): a
 /// failure, or a lack of memory that may be temporary. Unfinished points are measured again. If a point
 /// exceeded a limit of the device, and this limit may differ between sessions
 /// ([`Record::is_of_the_session`]), the point is always unfinished. A point that exceeded a limit of the
@@ -54,7 +54,7 @@ pub fn read(folders: &[PathBuf], keeps_moved_samples: bool, retry_failed: bool) 
         // Samples that an attempt copied from an earlier attempt are dropped, since the earlier attempt's
         // folder contains them too.
         samples.retain(|sample| sample.origin.is_none());
-        // Only the latencies that this attempt measured decide which of its samples count.
+        // Only the latencies that an attempt measured itself decide which of its samples count.
         let of_samples = samples.iter().map(|sample| sample.core_to_core_ns);
         let read = Latencies::of(rounds.iter().map(|line| line.core_to_core_ns).chain(of_samples));
         let near_ns = if keeps_moved_samples { f64::INFINITY } else { read.near_ns() };

@@ -61,7 +61,7 @@ impl<'a> Argument<'a> {
             Self::Quads(_) => (true, &["float4"]),
             // Two counters are buffers of `i32` in Rust, and buffers of `uint` in kernels. `heap_top` counts
             // the used values of the heap, the buffer from which kernels allocate working vectors. `queued`
-            // counts the entries of the queue of leftover shadow rays (rays that tiles have not decided).
+            // counts the entries of the queue of leftover shadow rays.
             Self::Ints(_) => (true, &["int", "uint"]),
             // A tree's nodes contain floats and integers, so a kernel may read the buffer of `u32` as
             // `float`.

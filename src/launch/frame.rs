@@ -33,9 +33,9 @@ pub struct FrameTimes {
     /// `None`, the time for shadow rays includes shading.
     pub shadow_ms: Option<f64>,
     /// Time for shading; `None` if the kernel that shades also casts all shadow rays. Only strategies whose
-    /// work-items share tiles have a time for shading. The time for shading includes leftover shadow rays
-    /// (which tiles have not decided) if passes are fused and a frame casts one ray per pixel at a time: the
-    /// shading kernel then casts these rays too.
+    /// work-items share tiles have a time for shading. The time for shading includes leftover shadow rays if
+    /// passes are fused and a frame casts one ray per pixel at a time: the shading kernel then casts these
+    /// rays too.
     pub shade_ms: Option<f64>,
     /// Time for the frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,

@@ -22,11 +22,11 @@ pub(super) struct SharedFrame<'p, 'a> {
     /// True if the kernel for primary rays also casts the shadow rays of the first round (the rays to the
     /// first lights).
     fused: bool,
-    /// True if the shading kernel also casts the leftover shadow rays (shadow rays that tiles have not
-    /// decided). When a group of 32 work-items has cast all leftover shadow rays of a pixel, the same group shades and
-    /// stores this pixel. At the same time, other groups of work-items shade the pixels without leftover shadow rays.
-    /// `shades_leftover` is false if `fused` is false. `shades_leftover` is also false if frames cast several samples
-    /// of a pixel: a pixel then has several primary rays.
+    /// True if the shading kernel also casts the leftover shadow rays. When a group of 32 work-items has cast all
+    /// leftover shadow rays of a pixel, the same group shades and stores this pixel. At the same time, other groups of
+    /// work-items shade the pixels without leftover shadow rays. `shades_leftover` is false if `fused` is false.
+    /// `shades_leftover` is also false if frames cast several samples of a pixel: a pixel then has several primary
+    /// rays.
     shades_leftover: bool,
 }
 
@@ -50,10 +50,10 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
     /// Further steps follow for each round of lights (a few lights that are processed together). Each round, except
     /// perhaps the last, has the same number of lights
     /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). The steps of a round prepare planes, cast
-    /// shadow rays, then cast the leftover shadow rays that tiles have not decided (each by a whole group of 32
-    /// work-items), and then shade. If `fused` is true, the steps of the first round also cast the primary rays. If
-    /// `shades_leftover` is true, one kernel shades and also casts the leftover shadow rays. A frame without lights and
-    /// without a sky has one round, which only shades.
+    /// shadow rays, then cast the leftover shadow rays (each by a whole group of 32 work-items), and then shade. If
+    /// `fused` is true, the steps of the first round also cast the primary rays. If `shades_leftover` is true, one
+    /// kernel shades and also casts the leftover shadow rays. A frame without lights and without a sky has one round,
+    /// which only shades.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
@@ -120,8 +120,8 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
 
     /// Returns the step that prepares the planes of a tree's triangles for the ray origins `origins` of a
     /// round. Origin 0 is the eye, and origin 1 is the first light of the round of lights. The step that
-    /// prepares planes also empties the queue of leftover shadow rays (which tiles have not decided). Returns
-    /// `None` if the strategy uses no planes, or if there are no triangles or no origins.
+    /// prepares planes also empties the queue of leftover shadow rays. Returns `None` if the strategy uses no
+    /// planes, or if there are no triangles or no origins.
     fn prepare(
         &self,
         origins: Range<usize>,

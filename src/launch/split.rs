@@ -261,8 +261,8 @@ impl Split<'_> {
     }
 
     /// Casts the frame on devices that are ready; `lost` are the devices that failed before. If a device fails, it is
-    /// left out, and the others begin again. Returns the first device's error if all devices have failed, or if
-    /// `every_device` is true and a device has failed.
+    /// left out, and the others begin again. Returns an error, that of the first device in `lost`, if all
+    /// devices have failed, or if `every_device` is true and a device has failed.
     fn cast_ready(&self, mut ready: Vec<Ready>, mut lost: Vec<Lost>) -> Result<Whole> {
         loop {
             if ready.is_empty() || self.every_device && !lost.is_empty() {

@@ -72,8 +72,8 @@ pub enum Fact {
     Fused,
     /// The kernel for primary rays only finds the nearest hits.
     Separate,
-    /// The program has a kernel for leftover shadow rays (rays that tiles have not decided) alone, because
-    /// the shading kernel does not always cast these rays.
+    /// The program has a kernel for leftover shadow rays alone, because the shading kernel does not always
+    /// cast these rays.
     Leftover,
     /// The caller provides rays, which need a kernel that no frame needs.
     GivenRays,
@@ -94,7 +94,7 @@ pub enum Role {
     Resolve,
     /// Casts shadow rays.
     Shadow,
-    /// Casts leftover shadow rays: those that tiles have not decided.
+    /// Casts leftover shadow rays.
     Leftover,
     /// Shades the nearest hits. If no kernel has the role `Shadow`, the kernel with the role `Shade` also
     /// casts shadow rays.

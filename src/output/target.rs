@@ -77,7 +77,7 @@ impl Target {
     }
 
     /// Returns an error if the command reads the file: not even `--force` replaces a file that the command
-    /// reads. If the file is missing, the error prevents that a later command reads the new file in its place.
+    /// reads. If the file is missing, the error prevents a later command from reading the new file in its place.
     /// `is_read` gets the file's path, in which the folder's part is canonical (absolute, without links and `..`), and
     /// returns true if the command has read, or tried to read, this file. In the message, `what` says what the file is,
     /// such as "a file of the scene".

@@ -20,8 +20,9 @@ pub struct Multiprocessor {
     pub local_bytes: u64,
     /// `__local` memory is allocated in multiples of this many bytes.
     pub local_unit_bytes: u64,
-    /// The number of warps for which the multiprocessor has registers is rounded down to a multiple of this number. For
-    /// the largest number of registers of a single work-group, the group's warps are rounded up to such a multiple.
+    /// The number of warps for which the multiprocessor has registers is rounded down to a multiple of this number. To
+    /// compute how many registers a single work-group needs, the number of the group's warps is rounded up to such a
+    /// multiple.
     pub warp_granularity: u64,
 }
 

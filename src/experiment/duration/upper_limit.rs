@@ -25,8 +25,8 @@ impl Run<'_> {
 
 impl Expected {
     /// Returns the end of a sentence: the condition under which the frames' total time has an upper limit, then this
-    /// limit. The condition comes first, since the limit is no estimate: it is computed without the image sizes. Returns
-    /// an empty text if the limit is unknown.
+    /// limit. The condition comes first, since the limit is no estimate: it is computed without the image sizes.
+    /// Returns an empty text if the limit is unknown.
     pub(super) fn at_most(&self) -> String {
         if self.most.is_zero() {
             return String::new();
