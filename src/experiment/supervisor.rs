@@ -67,7 +67,7 @@ pub struct Supervisor<'a> {
     posts: HashMap<(usize, usize), Post>,
     /// Workers that were started early, and have not yet replied [`Reply::Started`].
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
-    /// How often this session has visited the group of points that is being measured, with the present visit.
+    /// How often this session has visited the group of points that is being measured, including the present visit.
     /// A visit measures one launch of a group.
     visit: u32,
     /// For each job and point: how many of the job's workers died while they served a request about the
