@@ -44,8 +44,8 @@ const LAMP: &str =
     "newmtl wall\nKd 0.7 0.6 0.5\nnewmtl lamp\nKd 0.2 0.2 0.2\nKs 0.3 0.3 0.3\nKe 4.5 1.5 0.3\n";
 const TEXTURED: &str = "newmtl wall\nKd 0.7 0.6 0.5\nmap_Kd wall.png\nnewmtl lamp\nKd 0.4 0.4 0.4\nmap_Kd wall.png\n\
                         Ke 4.5 4.5 4.5\nmap_Ke glow.png\n";
-/// `make test` tries the first and the ninth of those that compile soon. In the first, materials are in global memory;
-/// in the ninth, which is the last one, they are in `__local` memory.
+/// `make test` tries the first and the ninth of the strategies that compile soon. In the first, materials are in global
+/// memory; in the ninth, which is the last one, they are in `__local` memory.
 const STRATEGIES: [&str; 10] = [
     "naive",
     "deferred,layout=indexed16,passes=separate",

@@ -139,10 +139,10 @@ fn is_noticed(folder: &WorkFolder, [from, to]: [&str; 2]) {
     has(&folder.mistake(&options(&device, EVEN, &changed), 1), &["the picture is wrong: "]);
 }
 
-/// The unoccluded light of a black surface is 0. The filter that smooths the half picture (a picture of half
-/// the width and height) therefore finds no similar pixel. Even so, the filter must not give all pixels the
-/// weight 0, since it divides by the sum of the weights. In the changed kernel of this test, the filter's
-/// weights are 0.
+/// A pixel's ratio of arriving to unoccluded light is interpolated between four pixels of the half picture (a
+/// picture of half the width and height). The unoccluded light of a black surface is 0, so none of these four
+/// pixels counts as similar. Even so, their weights must not all be 0, since the kernel divides by the sum of
+/// the weights. In the changed kernel of this test, all four weights are 0.
 #[test]
 fn a_black_mesh_is_black() {
     let folder = coloured("0 0 0");

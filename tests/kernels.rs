@@ -1,6 +1,6 @@
 //! Compares every preset at every local size, and a pairwise cover (strategies that together have every pair
 //! of two axes' values), with the reference on PoCL. `make test-long` tests all of these combinations.
-//! `make test` tests each preset at 8 x 8 and at one or two other local sizes, and a third of the cover's
+//! `make test` tests each preset at 8 x 8 and at up to two other local sizes, and a third of the cover's
 //! strategies.
 
 use crate::common::apart::apart;

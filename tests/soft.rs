@@ -53,8 +53,8 @@ fn picture(folder: &WorkFolder, options: &[&str]) -> RgbImage {
 /// common origin, with and without a tree, in fused and in separate passes.
 const FAMILIES: [&str; 5] = ["tile", "bvh", "naive", "wide-common-origin", "tile,passes=separate"];
 
-/// The changed kernel calls every ray to the sky that it casts alone stopped. A ray from flat ground meets no box of the
-/// tree, so it is not cast.
+/// In the changed kernel, something stops every ray to the sky that is cast alone. A ray from flat ground meets no box
+/// of the tree, so it is not cast.
 #[test]
 fn rays_to_the_sky_that_meet_no_box_are_not_cast() {
     let scene = "[camera]\nposition = [0, 1.2, 1.5]\nlook_at = [0, -0.7, -3]\n\

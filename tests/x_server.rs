@@ -128,7 +128,7 @@ impl Drop for Server {
     }
 }
 
-/// A display whose data another server gets. Its socket is removed when the value is dropped.
+/// A display whose data is forwarded to a server. The display's socket is removed when the value is dropped.
 pub struct Forwarded {
     number: u32,
 }

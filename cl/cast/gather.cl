@@ -56,7 +56,7 @@ Hit intersect_planes(const Geometry *geometry, varying_int triangle, Vec3 origin
     // edge from a to b, and columns 6 to 8 the edge from a to c.
     for (int i = 0; i < 9; i++) column[i].all = (varying)(0.0f);
     for (int lane = 0; lane < WIDTH; lane++) {
-        if (id.each[lane] == NO_HIT) continue; // NO_HIT is no triangle's number, so its address is not valid
+        if (id.each[lane] == NO_HIT) continue; // NO_HIT is no triangle's number, so no corners can be read
         const Corners own = corners(geometry, id.each[lane]);
         const Uniform3 e1 = uniform_difference(own.b, own.a);
         const Uniform3 e2 = uniform_difference(own.c, own.a);

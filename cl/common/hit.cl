@@ -22,8 +22,8 @@
 // exhaustive casting. With twice SHARED_EDGE_SLACK, at most one of the 16 million pixels is wrongly dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
 // The overlap at an edge is computed from the longer of two edges of the triangle, but from at most OVERLAP_EDGES times
-// the edge's own size (common/planes_of_origin.cl: the shortest edge's). Without this limit, the overlap at the short
-// edge of a needle (a triangle of two long edges and a short one) could lengthen the needle by several pixels.
+// the edge's own size (in common/planes_of_origin.cl: the shortest edge's size). Without this limit, the overlap at the
+// short edge of a needle (a triangle of two long edges and a short one) could lengthen the needle by several pixels.
 #define OVERLAP_EDGES 8.0f
 // A triangle seen almost edge-on can look narrower than its overlap with its neighbours. Such a triangle is not hit:
 // the neighbours overlap the whole triangle, and the triangle's own overlap could lengthen it several times. `distance`

@@ -42,7 +42,7 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     // near zero, the origin lies nearly in the triangle's plane. A ray that hits the triangle at the distance t has the
     // determinant height / t. All rays miss if this determinant is no larger than its rounding error even at the
     // distance `nearest` (all points of the triangle are at least as far away), or if |height| is at most
-    // LEAST_VISIBLE. The rounding error does not use the first corner's distance: this corner may be far away.
+    // LEAST_VISIBLE. The rounding error's bound contains `nearest`, not `distance`: the first corner may be far away.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), longer = max(size1, size2);
     const float distance = uniform_size(a), nearest = max(distance - longer, 0.0f);

@@ -11,7 +11,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void local_rate(cons
                                                                            __global float *restrict out) {
     __local vector tile[SLOTS * GROUP];
     const int item = get_local_id(0);
-#define FILL(i) tile[i * GROUP + item] = (vector)((float)(1 << item % 4)); // another number than its neighbours
+#define FILL(i) tile[i * GROUP + item] = (vector)((float)(1 << item % 4)); // a number that its neighbours do not store
     // Neighbouring work-items access neighbouring vectors, so that no two use the same memory bank at the same time.
     EACH_SLOT(FILL)
     barrier(CLK_LOCAL_MEM_FENCE);

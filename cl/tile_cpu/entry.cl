@@ -102,8 +102,8 @@ typedef struct {
 // closer to each other than rays of neighbouring pixels, so that a tile visits fewer nodes and triangles per ray.
 //
 //     a vector's rays  bits 0: 4 x 4 pixels   bits 1: 2 x 2 pixels   bits 2: one pixel
-//     (a digit is the  0 0 0 0                0 1 0 1                 0  1  2  3
-//     sample's number  0 0 0 0                2 3 2 3                 4  5  6  7
+//     (each number is  0 0 0 0                0 1 0 1                 0  1  2  3
+//     that of a sample 0 0 0 0                2 3 2 3                 4  5  6  7
 //     in the frame)    0 0 0 0                0 1 0 1                 8  9 10 11
 //                      0 0 0 0                2 3 2 3                12 13 14 15
 #if SAMPLED

@@ -137,7 +137,7 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
         STORE_CHILDREN(far, boxes->far[axis]);
         if (interval->mixed[axis]) {
             // Along a mixed axis, rays with 1/d >= high enter at `near`, those with 1/d <= low at `far`. Only the
-            // product of the side that faces the origin is positive; none is if the origin lies between the sides.
+            // product of the side that faces the origin is positive. If the origin lies between the sides, neither is.
             entry = max(entry, max(near * interval->high[axis], far * interval->low[axis]));
         } else {
             // A ray crosses a side at t = side * (1 / d). The earliest entry and the latest exit occur at ends of the
@@ -161,7 +161,7 @@ static uint slices_overlap(const Slices *slices, const TileInterval *interval, c
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];
             const float16 near = (float16)(boxes->near[axis][child]), far = (float16)(boxes->far[axis][child]);
             float16 first = min(near * low, near * high), last = max(far * low, far * high);
-            if (interval->mixed[axis]) { // mixed vectors as in children_overlap; others may run either way
+            if (interval->mixed[axis]) { // mixed vectors: as in children_overlap; others may run in either direction
                 const int16 mixed = (low < 0.0f) & (high > 0.0f);
                 first = SELECT(mixed, max(near * high, far * low), min(first, min(far * low, far * high)));
                 last = SELECT(mixed, (float16)(FAR), max(last, max(near * low, near * high)));

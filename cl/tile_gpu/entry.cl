@@ -52,7 +52,7 @@
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
 
 // A ray joins a pass if its direction's component along the pass's axis is more than ALONG_AXIS times the direction's
-// 1-norm. The leader is the ray whose direction determines the axis; this component is at least a third of the 1-norm.
+// 1-norm. The leader is the ray that determines the axis: its largest component is at least a third of its 1-norm.
 #define ALONG_AXIS 0.25f
 // A pass may be restricted to rays close to its leader (the ray that determines the pass's axis). The largest distance
 // of a ray from the leader is in this case NEIGHBOURS times the distance between neighbouring rays. A tile's rays to

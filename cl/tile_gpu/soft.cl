@@ -1,4 +1,4 @@
-// Rays without a common origin: to points of a light with an extent, and the sky. No tile casts these rays. They are
+// Rays without a common origin: to points of a light with an extent, and to the sky. No tile casts these rays. They are
 // leftover shadow rays, which a group casts one at a time: each lane tests a child of a node or a triangle of a leaf.
 
 // The sources of light: the scene's lights and, after the last light, the sky. `light_count` is the number of the

@@ -88,7 +88,7 @@ typedef struct {
     __local int *lanes;
 } Candidates;
 
-// Tests a pass's rays against the triangles of a leaf that their shaft does not exclude. With `any`, a ray that hits a
+// Tests a pass's rays against those triangles of a leaf that the shaft does not exclude. With `any`, a ray that hits a
 // triangle is finished; otherwise the hit is stored if it is nearer. Returns 1 if any triangle was tested, else 0.
 INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *packet, uint word, float worst,
                const int any, const Candidates *candidates) {

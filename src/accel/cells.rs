@@ -148,7 +148,7 @@ fn write_share(part: &mut [u32], first: usize, counts: &[usize], cells: &[u16]) 
 }
 
 /// A regular grid of cells. The cells are nearly cubes. Along an axis on which the grid has only a few cells,
-/// the cells may be shorter than along the others.
+/// the cells may be shorter than along the other axes.
 #[derive(Clone, Copy, Debug)]
 struct Grid {
     low: Vec4,

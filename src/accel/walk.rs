@@ -24,8 +24,8 @@ pub struct Walk {
 }
 
 impl WideBvh {
-    /// Finds the closest hit at a distance below `reach`. Of a node's children, the child whose box is nearer
-    /// is visited first.
+    /// Finds the closest hit at a distance below `reach`. Of a node's children, those whose boxes the ray enters
+    /// earlier are visited first.
     ///
     /// `test(triangle, reach)` returns the distance at which the ray hits a triangle of the mesh. `test`
     /// returns `None` if the ray misses the triangle, or if the distance is not below `reach`. If several

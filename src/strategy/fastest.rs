@@ -67,7 +67,7 @@ pub enum Candidate {
     Single,
     /// Tiles of rays traverse a tree together.
     Tiles {
-        /// True for tiles of 16 x 8 pixels, false for tiles of 8 x 8 pixels.
+        /// On a GPU, true for tiles of 16 x 8 pixels, and false for tiles of 8 x 8 pixels; false on a CPU.
         large: bool,
         /// True if passes are separate: shadow rays are cast after all rays from the eye.
         separate: bool,

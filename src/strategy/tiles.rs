@@ -32,9 +32,9 @@ impl Strategy {
         self.shares_tiles().then(|| self.tile.pixels().into())
     }
 
-    /// Returns the number of lights in a round of lights (the lights to which work-items that share a tile
-    /// cast shadow rays at the same time). Each work-item stores one bit for each pair of a ray of its own
-    /// and a light of the round. These bits must fit into a word of 32 bits, so the number of lights in a
+    /// Returns the number of lights in a round of lights (the lights whose shadow rays one run of a kernel casts,
+    /// if work-items share tiles). Each work-item stores one bit for each pair of a ray of its own and a light
+    /// of the round. These bits must fit into a word of 32 bits, so the number of lights in a
     /// round is limited. Bit 31 is reserved to mark leftover shadow rays.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();

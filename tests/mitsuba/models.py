@@ -1,4 +1,4 @@
-"""Makes the meshes and pictures of courtyard.toml and studio.toml from formulas."""
+"""Makes the meshes and pictures of courtyard.toml, lamps.toml and studio.toml from formulas."""
 import math
 
 import mitsuba as mi

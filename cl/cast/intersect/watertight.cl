@@ -64,8 +64,8 @@ static Row row_of(Corners corners) {
 }
 
 // Stores in `hit` the lanes whose ray hits the triangle at t_min < t < t_max, with t and the weights. Returns 0 only if
-// no lane hits; hit->lanes is then not set. After a return of 1, hit->lanes may still be empty. (PoCL's compiler does not
-// inline so long a function by itself. Without inlining, casting takes 1.5 to 4.6 times as long.)
+// no lane hits; hit->lanes may then be unset. After a return of 1, hit->lanes may still be empty. (PoCL's compiler does
+// not inline so long a function by itself. Without inlining, casting takes 1.5 to 4.6 times as long.)
 static __attribute__((always_inline)) int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row,
                                                     varying t_max, Hit *hit) {
     // Computes the corners relative to the ray's origin, then their sheared x and y. The sheared z is computed only for

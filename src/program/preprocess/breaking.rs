@@ -207,8 +207,8 @@ fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: us
 }
 
 /// Returns true if a line may be broken at the token `at`. The token must be a blank that follows a comma, precedes an
-/// operator such as `&&` or `+`, or lies between a closing round bracket and a name, as before the body of a loop. The
-/// last of these blanks must be outside all brackets (`depth` is 0).
+/// operator such as `&&` or `+`, or lies between a closing round bracket and a name, as before the body of a loop. A
+/// blank between a bracket and a name must be outside all brackets (`depth` is 0).
 fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
     if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
         return false;

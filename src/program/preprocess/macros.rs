@@ -16,7 +16,7 @@ pub(super) struct Macro {
 
 /// The largest number of tokens that all macro expansions of a program together may make. The program with
 /// the most expansions in `cl/` makes some thousands of tokens. Each token has a list of the macros from
-/// which it came. Each expansion also counts the macros in the list of its tokens, once.
+/// which it came. For each expansion, its tokens are counted and, once, the macros in the list of these tokens.
 const MOST_TOKENS: usize = 500_000;
 /// The largest depth to which macro expansions may be nested. Each nested expansion takes space on the
 /// thread's stack.

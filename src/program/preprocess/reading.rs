@@ -123,7 +123,7 @@ fn whole(lines: Vec<&Line>, apart: bool) -> Item<'_> {
 /// The symbols that may follow a declared name: the brackets after the name of a function, an array or a structure,
 /// and the symbols after a variable or another type.
 const ENDS: [&str; 6] = ["(", "[", "{", "=", ",", ";"];
-/// Words that may precede such a symbol and declare nothing.
+/// Words that may precede a symbol of [`ENDS`] and declare nothing.
 const WORDS: [&str; 5] = ["__attribute__", "__attribute", "_Pragma", "struct", "union"];
 
 /// Returns the names that an item declares: the names of all functions, types and variables, since an item may be a
