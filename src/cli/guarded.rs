@@ -59,10 +59,10 @@ pub struct Guarded<'a> {
     /// True if the command loads compiled programs from raycl's cache. If the command does not, no stored program can
     /// have crashed the command, which therefore need not run again without the stored programs.
     pub loads_stored_programs: bool,
-    /// True for `raycl render` and `raycl view`: the allocator of the child process uses huge pages, unless the user
-    /// has set `GLIBC_TUNABLES`. Commands that only measure run without huge pages, as the worker processes of `raycl
-    /// run` do.
-    pub shows_pictures: bool,
+    /// The scene file of `raycl render` and `raycl view`; `None` for other commands. With a scene file, the allocator
+    /// of the child process gets its own settings ([`allocator_settings`]), unless the user has set `GLIBC_TUNABLES`.
+    /// Commands that only measure run without these settings, as the worker processes of `raycl run` do.
+    pub shown_scene: Option<&'a Path>,
     /// Where the command shows pictures while it runs.
     pub screen: Screen,
     /// The folder of the user's kernel files, if the command uses one. If the child process crashes, a
@@ -116,8 +116,10 @@ impl Guarded<'_> {
 /// driver fails. Also fails if the command runs again in a second child process, and a driver seems to have ended the
 /// second child process too.
 pub fn run(command: &Guarded<'_>) -> Result<()> {
-    let sets_allocator = command.shows_pictures && std::env::var_os(ALLOCATOR).is_none();
-    let allocator = sets_allocator.then(|| (ALLOCATOR, allocator_settings(cores()).into()));
+    let scene = command.shown_scene.filter(|_| std::env::var_os(ALLOCATOR).is_none());
+    // A scene without a length, such as standard input, counts as small.
+    let bytes = |scene: &Path| scene.metadata().map_or(0, |metadata| metadata.len());
+    let allocator = scene.map(|scene| (ALLOCATOR, allocator_settings(cores(), bytes(scene)).into()));
     let parent = Parent::new(command.screen)?;
     let status = attempt(allocator.as_slice(), &parent)?;
     if drivers_doing(status).is_none() {
@@ -317,7 +319,7 @@ mod tests {
             reads_standard_input: false,
             streams: false,
             loads_stored_programs: true,
-            shows_pictures: true,
+            shown_scene: None,
             screen: Screen::None,
             cl_dir: None,
         };

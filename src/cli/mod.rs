@@ -185,7 +185,12 @@ impl Command {
             streams: self.streams(),
             // `raycl compile` always compiles, since some compilers report a kernel's registers only then.
             loads_stored_programs: !matches!(self, Self::Compile(_)),
-            shows_pictures: matches!(self, Self::Render(_) | Self::View(_)),
+            shown_scene: match self {
+                Self::Render(render::Args { subject, .. }) | Self::View(view::Args { subject, .. }) => {
+                    Some(&subject.scene)
+                }
+                _ => None,
+            },
             screen: match self {
                 Self::View(args) if args.uses_terminal() => Screen::Terminal,
                 Self::View(_) => Screen::Window,

@@ -20,9 +20,7 @@ use crate::clock::ms_since;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::filetype::{STANDARD_INPUT, unpacked_name};
-use crate::image::{
-    Radiance, check_target, holds_radiance, layer_targets, save, save_layers, save_rgb8, shows_8_bits,
-};
+use crate::image::{Radiance, check_target, holds_radiance, layer_targets, save, save_layers, shows_8_bits};
 use crate::launch::Session;
 use crate::memory::peak_bytes;
 use crate::output::{Choice, Target};
@@ -266,7 +264,6 @@ fn judged(
 fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<Option<Radiance>> {
     match picture {
         Picture::Radiance(image) => save(&image, display, target).map(|()| Some(image)),
-        Picture::Shown(picture) => save_rgb8(&picture, target).map(|()| None),
         Picture::Incoming(picture) => picture.save(target).map(|()| None),
     }
 }

@@ -72,15 +72,12 @@ impl Shown {
     /// for each pattern of a radiance's upper bits: a lower bound of the 8-bit values of all radiances with
     /// these upper bits.
     pub fn tables(&self) -> (&[f32], &[u8]) {
-        (&self.0.smallest, &self.0.at_least)
+        (&self.0.smallest, &self.0.at_least[..])
     }
 
     /// Returns the 8-bit channels with which a pixel is displayed.
-    pub fn pixel(&self, [red, green, blue]: [f32; 3]) -> [u8; 3] {
-        let value = self.0.value(red);
-        // Many surfaces are grey: their channels are equal.
-        let other = |channel| if channel == red { value } else { self.0.value(channel) };
-        [value, other(green), other(blue)]
+    pub fn pixel(&self, radiance: [f32; 3]) -> [u8; 3] {
+        radiance.map(|channel| self.0.value(channel))
     }
 
     /// Returns a function that converts the pixels of a picture one after another. Neighbouring pixels often have
@@ -109,10 +106,15 @@ struct Thresholds {
     /// The array's first element belongs to the value 1. The array's last element is NaN: comparisons with
     /// NaN are false, so that the search for a radiance's value ends at 255.
     smallest: [f32; Shown::VALUES],
-    /// For each pattern of the upper 18 bits of a positive radiance, a lower bound of the 8-bit value. In
-    /// most cases, the table's lower bound is at most 1 below the radiance's 8-bit value.
-    at_least: Vec<u8>,
+    /// For each pattern of the upper 18 bits of a positive radiance, a lower bound of the 8-bit value.
+    at_least: Box<[u8; ELEMENTS]>,
+    /// True if every lower bound in `at_least` is at most 1 below the radiance's 8-bit value. With usual display
+    /// settings, it is.
+    needs_one_step: bool,
 }
+
+/// Number of elements of [`Thresholds::at_least`]: the sign bit of its radiances is 0.
+const ELEMENTS: usize = 1 << (31 - Shown::INDEX_SHIFT);
 
 impl Thresholds {
     fn new(display: Display) -> Self {
@@ -121,25 +123,27 @@ impl Thresholds {
             *threshold = smallest(value, display);
         }
         // The thresholds rise: each value fills the part of the table from its own threshold to the next one.
-        let mut at_least = vec![0; 1 << (31 - Shown::INDEX_SHIFT)];
+        let mut at_least = Box::new([0; ELEMENTS]);
         let mut end = at_least.len();
         for (value, threshold) in (1..=255).zip(thresholds).rev() {
             let first = threshold.to_bits().div_ceil(1 << Shown::INDEX_SHIFT) as usize;
             at_least[first..end].fill(value);
             end = first;
         }
-        Self { smallest: thresholds, at_least }
+        // One step is enough if no element has two thresholds between its radiances.
+        let elements: [u32; 255] =
+            std::array::from_fn(|value| thresholds[value].to_bits() >> Shown::INDEX_SHIFT);
+        Self { smallest: thresholds, at_least, needs_one_step: elements.is_sorted_by(|a, b| a < b) }
     }
 
     fn value(&self, radiance: f32) -> u8 {
         // A radiance that is NaN or not positive is shown as black.
-        if radiance.is_nan() || radiance <= 0.0 {
-            return 0;
-        }
-        let bound = self.at_least[(radiance.to_bits() >> Shown::INDEX_SHIFT) as usize];
+        let radiance = if radiance > 0.0 { radiance } else { 0.0 };
+        // The mask changes nothing, since the sign is 0. It tells the compiler that the index is small enough.
+        let bound = self.at_least[(radiance.to_bits() >> Shown::INDEX_SHIFT) as usize & (ELEMENTS - 1)];
         // Whether the first step is needed differs from pixel to pixel, so a branch would often be predicted wrongly.
         let mut value = bound + u8::from(self.smallest[usize::from(bound)] <= radiance);
-        while self.smallest[usize::from(value)] <= radiance {
+        while !self.needs_one_step && self.smallest[usize::from(value)] <= radiance {
             value += 1;
         }
         value
@@ -233,12 +237,10 @@ mod tests {
     /// most one step.
     #[test]
     fn with_the_usual_display_the_table_is_at_most_one_value_too_low() {
-        let shown = Shown::of(Display::default());
-        let (smallest, at_least) = shown.tables();
-        let elements = smallest[..255].iter().map(|radiance| radiance.to_bits() >> Shown::INDEX_SHIFT);
-        let elements: Vec<_> = elements.collect();
-        assert!(elements.is_sorted_by(|a, b| a < b), "{elements:?}");
-        assert_eq!(at_least.len(), 1 << (31 - Shown::INDEX_SHIFT));
+        let needs_one_step = |display| Thresholds::new(display).needs_one_step;
+        assert!(needs_one_step(Display::default()));
+        assert!(!needs_one_step(Display { gamma: 0.1, ..Display::default() }));
+        assert!(!needs_one_step(Display { exposure: 0.0, ..Display::default() }));
     }
 
     #[test]

@@ -1,32 +1,25 @@
 //! An 8-bit picture whose rows arrive one after another, from the top.
 
-use super::encode::{JPEG_QUALITY, jpeg_of};
-use super::file::{is_jpeg, save_rgb8};
-use super::jpeg::Encoding;
+use super::encode::{JPEG_QUALITY, jpeg_of, png_of};
+use super::file::is_jpeg;
+use super::{jpeg, png_rows};
 use crate::error::Result;
 use crate::output::Target;
-use image::RgbImage;
-use rayon::prelude::*;
 use std::io::Error;
 
-/// Number of bytes that a thread copies in one task.
-const COPIED_TOGETHER: usize = 1 << 18;
-
-/// A picture whose rows arrive one after another, from the top.
+/// A picture whose rows arrive one after another, from the top. Rows are encoded while further rows arrive.
 pub enum Incoming {
-    /// A picture that is kept in memory until all rows have arrived, and the number of bytes that have
-    /// arrived so far.
-    Whole(RgbImage, usize),
-    /// A JPEG, whose bands of rows are encoded while further rows arrive.
-    Jpeg(Encoding),
+    Png(png_rows::Encoding),
+    /// A JPEG is encoded in bands of rows, by several threads.
+    Jpeg(jpeg::Encoding),
 }
 
 impl Incoming {
     /// Makes an empty picture that will be written to the file `target`.
     pub fn new(target: &Target, size: [u32; 2]) -> Self {
         match is_jpeg(target.path()) {
-            true => Self::Jpeg(Encoding::new(size, JPEG_QUALITY)),
-            false => Self::Whole(RgbImage::new(size[0], size[1]), 0),
+            true => Self::Jpeg(jpeg::Encoding::new(size, JPEG_QUALITY)),
+            false => Self::Png(png_rows::Encoding::new(size)),
         }
     }
 
@@ -34,7 +27,7 @@ impl Incoming {
     /// of this number of rows, except the last call, which may get any number.
     pub fn rows_together(&self) -> usize {
         match self {
-            Self::Whole(..) => 1,
+            Self::Png(_) => 1,
             Self::Jpeg(encoding) => encoding.rows_together(),
         }
     }
@@ -42,15 +35,7 @@ impl Incoming {
     /// Adds the next rows of the picture: red, green and blue of each pixel.
     pub fn take(&mut self, rows: &[u8]) {
         match self {
-            Self::Whole(picture, there) => {
-                let bytes: &mut [u8] = picture;
-                let target = &mut bytes[*there..*there + rows.len()];
-                // All cores copy parts of the rows, since the first access to the picture's new memory is
-                // slow.
-                let pairs = target.par_chunks_mut(COPIED_TOGETHER).zip(rows.par_chunks(COPIED_TOGETHER));
-                pairs.for_each(|(to, from)| to.copy_from_slice(from));
-                *there += rows.len();
-            }
+            Self::Png(encoding) => encoding.take(rows),
             Self::Jpeg(encoding) => encoding.take(rows),
         }
     }
@@ -59,7 +44,10 @@ impl Incoming {
     /// all.
     pub fn save(self, target: &Target) -> Result<()> {
         match self {
-            Self::Whole(picture, _) => save_rgb8(&picture, target),
+            Self::Png(encoding) => {
+                let encoded = encoding.finish();
+                target.write(|file| png_of(&encoded?, file))
+            }
             Self::Jpeg(encoding) => {
                 let encoded = encoding.finish();
                 target.write(|file| jpeg_of(&encoded.map_err(Error::other)?, file))
@@ -71,14 +59,18 @@ impl Incoming {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use image::RgbImage;
 
     #[test]
     fn each_band_of_rows_is_below_the_one_before() {
-        let mut incoming = Incoming::new(&Target::of_results("a.png"), [1, 4]);
-        for rows in [&[1_u8; 3][..], &[2; 6], &[3; 3]] {
+        let folder = tempfile::tempdir().unwrap();
+        let target = Target::of_results(folder.path().join("a.png"));
+        let mut incoming = Incoming::new(&target, [1, 4]);
+        for rows in [&[1_u8; 3][..], &[2; 6], &[], &[3; 3]] {
             incoming.take(rows);
         }
-        let Incoming::Whole(picture, _) = incoming else { panic!("a PNG is stored whole") };
+        incoming.save(&target).unwrap();
+        let picture = image::open(target.path()).unwrap().to_rgb8();
         assert_eq!(picture.into_raw(), [1, 1, 1, 2, 2, 2, 2, 2, 2, 3, 3, 3]);
     }
 

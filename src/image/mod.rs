@@ -13,6 +13,7 @@ mod incoming;
 mod jpeg;
 mod layers;
 mod movie;
+mod png_rows;
 mod stated;
 
 pub use colour::{SCALE_HEIGHT, viridis};

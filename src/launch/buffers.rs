@@ -91,11 +91,12 @@ fn copy_joined<T: OclPrm>(parts: &[Cow<'_, [T]>], mut start: usize, mut to: &mut
 /// Passes the rows `rows` of a buffer to `take`. Each row has `row` values. If there are no values, `take` is not
 /// called. If the device shares the host's memory, `take` is called once and reads the rows in place. If the device has
 /// separate memory, the function `take` gets copies of the buffer's rows. A large transfer is divided into pieces:
-/// `take` processes one piece while the next piece is being transferred.
+/// `take` processes one piece while the next piece is being transferred. Each piece except the last has a multiple of
+/// `together` rows.
 pub fn read_rows<T: OclPrm>(
     queue: &Queue,
     buffer: &Buffer<T>,
-    (rows, row): (Range<usize>, usize),
+    (rows, row, together): (Range<usize>, usize, usize),
     mut take: impl FnMut(Range<usize>, &[T]),
 ) -> ocl::Result<()> {
     let values = rows.start * row..rows.end * row;
@@ -109,7 +110,7 @@ pub fn read_rows<T: OclPrm>(
     }
     if queue.pins(values.len() * size_of::<T>()) {
         let made = |rows: Range<usize>| Ok((buffer.clone(), rows.start * row));
-        return queue.staging.read(&queue.commands, (rows, row, 1), made, take);
+        return queue.staging.read(&queue.commands, (rows, row, together), made, take);
     }
     let mut copy = vec![T::default(); values.len()];
     buffer.cmd().read(&mut copy[..]).offset(values.start).enq().map_err(noted)?;
@@ -165,7 +166,7 @@ mod tests {
                 pieces.push(rows.len());
                 read.extend_from_slice(part);
             };
-            read_rows(&queue, &buffer, (2..9, ROW), take).unwrap();
+            read_rows(&queue, &buffer, (2..9, ROW, 1), take).unwrap();
             assert_eq!(read, values[2 * ROW..9 * ROW]);
             assert_eq!(pieces, expected);
         }

@@ -196,9 +196,12 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
         |corner| turns.iter().map(|turn| reach_after(turn, corner)).fold([f64::NEG_INFINITY; 5], most);
     // Triangles share corners, so it is faster to visit each position once.
     let is_corner = mesh.visible_positions();
-    let corners = mesh.positions.par_iter().zip(is_corner).with_min_len(PARALLEL_TRIANGLES);
-    let reaches = corners.filter(|(_, is_corner)| *is_corner).map(|(position, _)| reach(*position));
-    let [east, west, north, south, nearest] = reaches.reduce(|| [f64::NEG_INFINITY; 5], most);
+    let of_chunk = |(positions, is_corner): (&[Vec3], &[bool])| {
+        let corners = positions.iter().zip(is_corner).filter(|(_, is_corner)| **is_corner);
+        corners.map(|(position, _)| reach(*position)).fold([f64::NEG_INFINITY; 5], most)
+    };
+    let chunks = mesh.positions.par_chunks(PARALLEL_TRIANGLES).zip(is_corner.par_chunks(PARALLEL_TRIANGLES));
+    let [east, west, north, south, nearest] = chunks.map(of_chunk).reduce(|| [f64::NEG_INFINITY; 5], most);
     // If the left and the right plane are moved outwards until they touch the mesh, these two planes
     // intersect in a line. If the upper and the lower plane are moved outwards until they touch the mesh,
     // they intersect in a second line. An eye that is as far away as the farther of these two lines sees the

@@ -161,10 +161,12 @@ impl Mesh {
     fn positions_of(&self, counts: impl Fn(&Triangle) -> bool + Sync) -> Vec<bool> {
         let is_corner: Vec<_> = self.positions.iter().map(|_| AtomicBool::new(false)).collect();
         let mark = |index: u32| is_corner[index as usize].store(true, Ordering::Relaxed);
-        let triangles = self.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
-        triangles
-            .filter(|triangle| counts(triangle))
-            .for_each(|triangle| triangle.positions.into_iter().for_each(mark));
+        let counted = |triangles: &[Triangle]| {
+            for triangle in triangles.iter().filter(|triangle| counts(triangle)) {
+                triangle.positions.into_iter().for_each(mark);
+            }
+        };
+        self.triangles.par_chunks(PARALLEL_TRIANGLES).for_each(counted);
         is_corner.into_iter().map(AtomicBool::into_inner).collect()
     }
 
@@ -172,11 +174,23 @@ impl Mesh {
     /// triangles if no ray can hit one; `None` if the mesh has no triangles. No ray hits a triangle with two corners at
     /// the same position; some programs leave such triangles far from the object.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let join = |(a, b): (Vec3, Vec3), (c, d)| (a.min(c), b.max(d));
-        let bounds = |t| self.corners(t).map(|p| (p, p)).into_iter().reduce(join);
+        type Bounds = (Vec3, Vec3);
+        let none = || (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let join =
+            |(low, high): Bounds, (other_low, other_high): Bounds| (low.min(other_low), high.max(other_high));
         let counts = self.counts_for_size();
-        let triangles = self.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES);
-        triangles.filter(|triangle| counts(triangle)).filter_map(bounds).reduce_with(join)
+        // A parallel iterator over single triangles would take several times as long as this loop.
+        let of_chunk = |triangles: &[Triangle]| {
+            let mut bounds = none();
+            for triangle in triangles.iter().filter(|triangle| counts(triangle)) {
+                for corner in self.corners(triangle) {
+                    bounds = join(bounds, (corner, corner));
+                }
+            }
+            bounds
+        };
+        let bounds = self.triangles.par_chunks(PARALLEL_TRIANGLES).map(of_chunk).reduce(none, join);
+        (!self.triangles.is_empty()).then_some(bounds)
     }
 
     /// Assigns the first material to all triangles, and removes all other materials.

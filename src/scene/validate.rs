@@ -220,15 +220,16 @@ fn check_mesh(mesh: &Mesh) -> Result<()> {
     mesh.materials.iter().try_for_each(check_material)?;
     check_positions(mesh)?;
     let usable = |n: &Vec3| SQUARED_NORMALS.contains(&n.length_squared()); // does not contain NaN
-    let usable = mesh.normals.par_iter().with_min_len(PARALLEL_TRIANGLES).all(usable);
+    let usable = mesh.normals.par_chunks(PARALLEL_TRIANGLES).all(|normals| normals.iter().all(usable));
     require(usable, || "a normal is zero, not finite, or of extreme length".to_owned())?;
     let (positions, normals) = (mesh.positions.len(), mesh.normals.len());
     let materials = mesh.materials.len();
-    let bounded = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).all(|t| {
+    let is_bounded = |t: &crate::scene::Triangle| {
         t.positions.iter().all(|&i| (i as usize) < positions)
             && t.normals.iter().all(|&i| (i as usize) < normals)
             && (t.material as usize) < materials
-    });
+    };
+    let bounded = mesh.triangles.par_chunks(PARALLEL_TRIANGLES).all(|some| some.iter().all(is_bounded));
     require(bounded, || "a triangle names a vertex, normal or material that does not exist".to_owned())?;
     check_textures(mesh)
 }
@@ -266,9 +267,10 @@ fn check_textures(mesh: &Mesh) -> Result<()> {
 
 /// Refuses a mesh with a coordinate that is not finite or is beyond `MAX_COORDINATE`.
 pub(super) fn check_positions(mesh: &Mesh) -> Result<()> {
-    let far = mesh.positions.par_iter().with_min_len(PARALLEL_TRIANGLES).find_first(|p| !in_range(**p));
+    let first_far = |positions: &[Vec3]| positions.iter().find(|position| !in_range(**position)).copied();
+    let far = mesh.positions.par_chunks(PARALLEL_TRIANGLES).find_map_first(first_far);
     require(far.is_none(), || {
-        let position = far.copied().unwrap_or_default();
+        let position = far.unwrap_or_default();
         format!("a vertex is at {position}; expected coordinates within +-{MAX_COORDINATE:e}")
     })
 }

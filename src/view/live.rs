@@ -252,11 +252,7 @@ impl Live {
     fn shown(&self) -> std::result::Result<Option<(RgbImage, usize)>, crate::launch::LaunchError> {
         let display = self.scene.display;
         let Casting { show, caster, .. } = &self.casting;
-        let Some(program) = show else { return caster.read_shown(display) };
-        let [width, height] = self.size();
-        let mut bytes = Vec::with_capacity(3 * width as usize * height as usize);
-        let hits = caster.show(program, display, 1, |rows| bytes.extend_from_slice(rows))?;
-        Ok(hits.and_then(|hits| Some((RgbImage::from_raw(width, height, bytes)?, hits))))
+        caster.read_8_bits(show.as_ref(), display)
     }
 
     fn frame_of(&self, picture: RgbImage, hits: usize, times: &FrameTimes) -> Frame {

@@ -9,15 +9,12 @@ use crate::image::{Incoming, Radiance};
 use crate::launch::{Caster, FrameTimes, LaunchError, LightParts, Prepared, Refused, ShowProgram};
 use crate::output::Target;
 use crate::scene::{Display, SampleCounts, Sampling, Scene};
-use image::RgbImage;
 
 /// An image that was read from a device.
 pub enum Picture {
     /// Radiance, as the device computed it.
     Radiance(Radiance),
-    /// Colours in 8 bits, which the host computed from radiance.
-    Shown(RgbImage),
-    /// Colours in 8 bits, which the device computed from radiance and sent in bands of rows.
+    /// Colours in 8 bits, which arrived in bands of rows.
     Incoming(Incoming),
 }
 
@@ -161,27 +158,10 @@ fn read_shown(
     caster: &Caster,
     Shows { display, target, program }: &Shows<'_>,
 ) -> std::result::Result<Option<(Picture, usize)>, LaunchError> {
-    let Some(program) = program else {
-        let read = caster.read_shown(*display)?;
-        return Ok(read.map(|(picture, hits)| (Picture::Shown(picture), hits)));
-    };
     let mut incoming = Incoming::new(target, caster.size());
-    let hits = caster.show(program, *display, incoming.rows_together(), |rows| incoming.take(rows))?;
+    let together = incoming.rows_together();
+    let hits = caster.show(*program, *display, together, |rows| incoming.take(rows))?;
     Ok(hits.map(|hits| (Picture::Incoming(incoming), hits)))
-}
-
-/// Reads the frame that was cast last, in 8 bits. The device converts the frame to 8 bits with the program
-/// `show`; if `show` is `None`, the host converts the frame. Returns `None` if a pixel is not finite.
-pub fn read_8_bits(
-    caster: &Caster,
-    display: Display,
-    show: Option<&ShowProgram>,
-) -> std::result::Result<Option<RgbImage>, LaunchError> {
-    let Some(program) = show else { return Ok(caster.read_shown(display)?.map(|(picture, _)| picture)) };
-    let [width, height] = caster.size();
-    let mut bytes = Vec::with_capacity(3 * width as usize * height as usize);
-    let hits = caster.show(program, display, 1, |rows| bytes.extend_from_slice(rows))?;
-    Ok(hits.and_then(|_| RgbImage::from_raw(width, height, bytes)))
 }
 
 /// Returns the median over `frames` of each time in [`FrameTimes`], such as the time of the primary pass. The
@@ -295,7 +275,7 @@ mod tests {
                 let target = Target::new(&path, Choice::new(false, "-o FILE"));
                 let shows = Shows { display, target: &target, program };
                 let (picture, hits) = read(caster, Some(&shows)).unwrap();
-                assert!(matches!(picture, Picture::Incoming(_)) == program.is_some());
+                assert!(matches!(picture, Picture::Incoming(_)));
                 super::super::save_picture(picture, display, &target).unwrap();
                 (std::fs::read(path).unwrap(), hits)
             };
@@ -316,9 +296,10 @@ mod tests {
     fn a_frame_in_8_bits_is_the_same_from_the_device_and_the_host() {
         with_caster("bvh", true, |caster, show, display| {
             let [device, host] =
-                [Some(show), None].map(|program| read_8_bits(caster, display, program).unwrap());
+                [Some(show), None].map(|program| caster.read_8_bits(program, display).unwrap());
             assert!(device.is_some() && device == host);
-            assert_eq!(host, Some(crate::image::to_rgb8(&caster.read().unwrap().0, display)));
+            let (image, hits) = caster.read().unwrap();
+            assert!(host == Some((crate::image::to_rgb8(&image, display), hits)));
         });
     }
 

@@ -10,6 +10,9 @@ use image::RgbImage;
 use ocl::prm::Float4;
 use rayon::prelude::*;
 
+/// Least number of pixels, in whole rows, that the host converts before it passes them on.
+const PIXELS_TOGETHER: usize = 1 << 17;
+
 impl Caster {
     /// Reads the image of the last frame, and counts the pixels that hit something. Returns an error if the heap of the
     /// working vectors was too small.
@@ -24,7 +27,7 @@ impl Caster {
         let mut image = Radiance::new(self.size[0], end - first);
         let (width, first, end) = (self.size[0] as usize, first as usize, end as usize);
         let mut hits = 0;
-        read_rows(&self.queue, &self.image, (first..end, width), |rows, values| {
+        read_rows(&self.queue, &self.image, (first..end, width, 1), |rows, values| {
             let pixels = &mut image.pixels[width * (rows.start - first)..width * (rows.end - first)];
             pixels
                 .par_iter_mut()
@@ -38,52 +41,62 @@ impl Caster {
         Ok((image, hits))
     }
 
-    /// Reads the image of the last frame and applies the display transform. Also counts the pixels that hit
-    /// something. If the device shares the host's memory, the image is read in place. Returns `None` if a pixel is
-    /// not finite, since it cannot be displayed.
-    pub fn read_shown(&self, display: Display) -> Result<Option<(RgbImage, usize)>, LaunchError> {
-        self.check_heap()?;
-        let [width, height] = self.size;
-        let mut picture = RgbImage::new(width, height);
-        let shown = Shown::of(display);
-        let show = |(bytes, pixels): (&mut [u8], &[Float4])| {
-            let (mut hits, mut finite, mut convert) = (0, true, shown.converter());
-            // A copy waits for many pixels from memory at once, the conversion only for a few.
-            let near = pixels.to_vec();
-            for (bytes, pixel) in bytes.as_chunks_mut().0.iter_mut().zip(&near) {
-                let radiance = [pixel[0], pixel[1], pixel[2]];
-                *bytes = convert(radiance);
-                finite &= radiance.iter().all(|channel| channel.is_finite());
-                hits += usize::from(pixel[3] > 0.0);
-            }
-            finite.then_some(hits)
-        };
-        let (width, height) = (width as usize, height as usize);
-        let mut hits = Some(0);
-        read_rows(&self.queue, &self.image, (0..height, width), |rows, values| {
-            let bytes: &mut [u8] = &mut picture;
-            let bytes = &mut bytes[3 * width * rows.start..3 * width * rows.end];
-            let hits_of_rows: Option<usize> =
-                bytes.par_chunks_mut(3 * TOGETHER).zip(values.par_chunks(TOGETHER)).map(show).sum();
-            hits = hits.zip(hits_of_rows).map(|(all, more)| all + more);
-        })?;
-        Ok(hits.map(|hits| (picture, hits)))
-    }
-
-    /// Reads the displayed image from a device with separate memory. The device applies the display transform
-    /// itself. Each call of `take` passes some of the rows, from the top to the bottom, with three bytes per
-    /// pixel (red, green and blue). Each call except the last passes a multiple of `together` rows. Returns
-    /// the number of pixels that hit something, or `None` if a pixel is not finite, since it cannot be
-    /// displayed.
+    /// Reads the displayed image of the last frame. The program `program` applies the display transform on the device;
+    /// if `program` is `None`, the host applies it. Each call of `take` passes some of the rows, from the top to the
+    /// bottom, with three bytes per pixel (red, green and blue). Each call except the last passes a multiple of
+    /// `together` rows, which may be none. Returns the number of pixels that hit something, or `None` if a pixel is not
+    /// finite, since it cannot be displayed.
     pub fn show(
         &self,
-        program: &ShowProgram,
+        program: Option<&ShowProgram>,
         display: Display,
         together: usize,
-        take: impl FnMut(&[u8]),
+        take: impl FnMut(&[u8]) + Send,
     ) -> Result<Option<usize>, LaunchError> {
         self.check_heap()?;
-        program.read(&self.queue, (&self.image, self.size), &Shown::of(display), together, take)
+        match program {
+            Some(program) => {
+                program.read(&self.queue, (&self.image, self.size), &Shown::of(display), together, take)
+            }
+            None => self.show_on_host(&Shown::of(display), together, take),
+        }
+    }
+
+    /// Does the work of [`Self::show`] if the host applies the display transform. If the device shares the host's
+    /// memory, the image is read in place. While `take` processes rows, other threads convert the next rows.
+    fn show_on_host(
+        &self,
+        shown: &Shown,
+        together: usize,
+        mut take: impl FnMut(&[u8]) + Send,
+    ) -> Result<Option<usize>, LaunchError> {
+        let [width, height] = self.size.map(|side| side as usize);
+        let pixels_together = width * PIXELS_TOGETHER.div_ceil(width).next_multiple_of(together);
+        let mut hits = Some(0);
+        read_rows(&self.queue, &self.image, (0..height, width, together), |_, values| {
+            let mut ready = Vec::new();
+            for pixels in values.chunks(pixels_together) {
+                let next = || converted(pixels, shown);
+                let ((), (bytes, hits_of_rows)) = rayon::join(|| take(&ready), next);
+                ready = bytes;
+                hits = hits.zip(hits_of_rows).map(|(all, more)| all + more);
+            }
+            take(&ready);
+        })?;
+        Ok(hits)
+    }
+
+    /// Reads the displayed image of the last frame as a whole, and returns it together with the number of pixels that
+    /// hit something. Returns `None` if a pixel is not finite. For `program`, see [`Self::show`].
+    pub fn read_8_bits(
+        &self,
+        program: Option<&ShowProgram>,
+        display: Display,
+    ) -> Result<Option<(RgbImage, usize)>, LaunchError> {
+        let [width, height] = self.size;
+        let mut bytes = Vec::with_capacity(3 * width as usize * height as usize);
+        let hits = self.show(program, display, 1, |rows| bytes.extend_from_slice(rows))?;
+        Ok(hits.and_then(|hits| Some((RgbImage::from_raw(width, height, bytes)?, hits))))
     }
 
     /// Returns how many samples of the last picture hit something. Each pixel of this picture has `count`
@@ -99,7 +112,7 @@ impl Caster {
     pub(in crate::launch) fn read_hit_shares(&self) -> Result<Vec<f32>, LaunchError> {
         let [width, height] = self.size.map(|side| side as usize);
         let mut shares = Vec::with_capacity(width * height);
-        read_rows(&self.queue, &self.image, (0..height, width), |_, values| {
+        read_rows(&self.queue, &self.image, (0..height, width, 1), |_, values| {
             shares.extend(values.iter().map(|pixel| pixel[3]));
         })?;
         Ok(shares)
@@ -115,4 +128,23 @@ impl Caster {
         let has_own_file = self.has_own_file;
         if used > size { Err(LaunchError::HeapExhausted { used, size, has_own_file }) } else { Ok(()) }
     }
+}
+
+/// Converts pixels to three bytes each, on all cores. Also counts the pixels that hit something; the count is `None` if
+/// a pixel is not finite.
+fn converted(pixels: &[Float4], shown: &Shown) -> (Vec<u8>, Option<usize>) {
+    let mut bytes = vec![0; 3 * pixels.len()];
+    let convert = |(bytes, pixels): (&mut [u8], &[Float4])| {
+        let mut convert = shown.converter();
+        for (bytes, pixel) in bytes.as_chunks_mut().0.iter_mut().zip(pixels) {
+            *bytes = convert([pixel[0], pixel[1], pixel[2]]);
+        }
+        // Loops of their own take less time, since the compiler turns them into vector instructions.
+        let finite =
+            |finite, pixel: &Float4| (0..3).fold(finite, |all, channel| all & pixel[channel].is_finite());
+        let hits = pixels.iter().filter(|pixel| pixel[3] > 0.0).count();
+        pixels.iter().fold(true, finite).then_some(hits)
+    };
+    let hits = bytes.par_chunks_mut(3 * TOGETHER).zip(pixels.par_chunks(TOGETHER)).map(convert).sum();
+    (bytes, hits)
 }

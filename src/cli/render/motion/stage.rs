@@ -1,7 +1,6 @@
 //! Casts frame after frame on one device. Buffers and programs are reused if they suit the next frame's scene too.
 
 use super::super::Args;
-use super::super::casting::read_8_bits;
 use crate::device::Device;
 use crate::image::Frame;
 use crate::launch::{Caster, HostTree, LaunchError, Prepared, Queue, Refused, Session, ShowProgram};
@@ -83,9 +82,9 @@ impl Stage<'_> {
 /// Reads the frame that was cast last: in 8 bits or, if its background is transparent or a pixel is not finite, as
 /// radiance.
 fn read(caster: &Caster, scene: &Scene, show: Option<&ShowProgram>) -> Result<Frame, LaunchError> {
-    let shown = if scene.transparent { None } else { read_8_bits(caster, scene.display, show)? };
+    let shown = if scene.transparent { None } else { caster.read_8_bits(show, scene.display)? };
     match shown {
-        Some(picture) => Ok(Frame::Shown(picture)),
+        Some((picture, _)) => Ok(Frame::Shown(picture)),
         None => caster.read().map(|(image, _)| Frame::Radiance(image, scene.display)),
     }
 }
