@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 /// A PNG that is being encoded while rows of the picture still arrive.
 pub struct Encoding {
     /// The encoder, or the error with which it failed.
-    encoder: Result<StreamWriter<'static, Pieces>>,
+    encoder: Result<Box<StreamWriter<'static, Pieces>>>,
     /// The channel through which the encoder passes the bytes of the PNG file.
     encoded: Receiver<Vec<u8>>,
 }
@@ -18,7 +18,8 @@ impl Encoding {
     pub fn new([width, height]: [u32; 2]) -> Self {
         let (pieces, encoded) = channel();
         let encoder = png_encoder(Pieces(pieces), (width, height), ColorType::Rgb).write_header();
-        Self { encoder: encoder.and_then(png::Writer::into_stream_writer).map_err(Error::other), encoded }
+        let encoder = encoder.and_then(png::Writer::into_stream_writer);
+        Self { encoder: encoder.map(Box::new).map_err(Error::other), encoded }
     }
 
     /// Adds the next rows of the picture, and encodes them.

@@ -194,9 +194,18 @@ mod tests {
     /// are each larger than a piece, so each of them is transferred in several pieces.
     const PIECE_BYTES: usize = 1000;
 
-    /// Calls a function with a caster for a scene. With `is_apart`, the device is treated as if its memory
-    /// were separate from the host's, even if the device is a CPU.
+    /// Calls a function with a caster for a small picture of a scene. With `is_apart`, the device is treated as if its
+    /// memory were separate from the host's, even if the device is a CPU.
     fn with_caster<T>(
+        strategy: &str,
+        is_apart: bool,
+        work: impl FnOnce(&Caster, &ShowProgram, Display) -> T,
+    ) -> T {
+        with_caster_of([75, 61], strategy, is_apart, work)
+    }
+
+    fn with_caster_of<T>(
+        size: [u32; 2],
         strategy: &str,
         is_apart: bool,
         work: impl FnOnce(&Caster, &ShowProgram, Display) -> T,
@@ -210,8 +219,7 @@ mod tests {
         let show = ShowProgram::build(&queue, &spec, &ProgramCache::default(), &Sources::Embedded).unwrap();
         let mut session = Session::new(queue, &device.info, &Sources::Embedded, Arc::clone(&scene));
         let strategy = preset(strategy).unwrap().strategy;
-        let prepared =
-            session.prepare(&strategy, [75, 61], [1, 1]).map_err(|refused| refused.reason()).unwrap();
+        let prepared = session.prepare(&strategy, size, [1, 1]).map_err(|refused| refused.reason()).unwrap();
         let caster = prepared.caster().map_err(|refused| refused.reason()).unwrap();
         caster.cast().unwrap();
         work(&caster, &show, scene.display)
@@ -300,6 +308,32 @@ mod tests {
             assert!(device.is_some() && device == host);
             let (image, hits) = caster.read().unwrap();
             assert!(host == Some((crate::image::to_rgb8(&image, display), hits)));
+        });
+    }
+
+    /// The host converts this picture in three pieces. A JPEG's pieces consist of whole bands of rows.
+    #[test]
+    fn a_picture_that_the_host_converts_in_pieces_is_the_whole_picture() {
+        with_caster_of([700, 500], "bvh", false, |caster, _, display| {
+            let (image, hits) = caster.read().unwrap();
+            let whole = crate::image::to_rgb8(&image, display);
+            let folder = tempfile::tempdir().unwrap();
+            let saved = |name: &str, picture: &dyn Fn(&Target) -> Picture| {
+                let path = folder.path().join(name);
+                let target = Target::new(&path, Choice::new(false, "-o FILE"));
+                super::super::save_picture(picture(&target), display, &target).unwrap();
+                image::open(path).unwrap().into_rgb8()
+            };
+            let in_pieces = |target: &Target| {
+                let (picture, read_hits) =
+                    read(caster, Some(&Shows { display, target, program: None })).unwrap();
+                assert!(matches!(picture, Picture::Incoming(_)) && read_hits == hits);
+                picture
+            };
+            let at_once = |_: &Target| Picture::Radiance(image.clone());
+            assert!(saved("a.png", &in_pieces) == whole);
+            assert!(saved("a.jpg", &in_pieces) == saved("b.jpg", &at_once));
+            assert!(caster.read_8_bits(None, display).unwrap() == Some((whole, hits)));
         });
     }
 
