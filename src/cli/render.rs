@@ -76,9 +76,9 @@ pub struct Args {
     /// --samples implies --plain. Not with --device or --watch
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
-    /// With --devices: use all selected devices, even if one of them slows the frame down. If a device cannot be
-    /// prepared or fails, the command then fails too. Without this option, raycl leaves out devices that slow the frame
-    /// down, cannot be prepared or fail
+    /// With --devices: use all selected devices for which rows are left, even if one of them slows the frame down. If a
+    /// device cannot be prepared or fails, the command then fails too. Without this option, raycl leaves out devices
+    /// that slow the frame down, cannot be prepared or fail
     #[arg(long, requires = "devices", conflicts_with_all = ["device", "watch", "layers", "adaptive", motion::MOVING])]
     every_device: bool,
     #[command(flatten)]

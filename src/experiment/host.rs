@@ -12,7 +12,7 @@ use std::time::Instant;
 
 /// The machine and the program, as part of a baseline's key.
 pub struct Identity {
-    /// The model of the processor.
+    /// The word `host` and the model of the processor, with a separator.
     pub device: String,
     /// The number of cores that raycl may use, and the number of raycl's threads.
     pub state: String,

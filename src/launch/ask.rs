@@ -8,7 +8,8 @@ use crate::program::{BuiltProgram, ProgramCache, ProgramSpec};
 use ocl::{Buffer, Kernel, MemFlags};
 use std::collections::BTreeMap;
 
-/// Number of words of an answer: the value's bits, and 1 if the value is unsigned.
+/// Number of words in an answer. The first word has the value's bits; the second word is 1 if the value is unsigned,
+/// otherwise 0.
 const ANSWER_WORDS: usize = 2;
 
 /// Preprocesses a program as the device's compiler would. If a condition (of `#if`, `#ifdef` and so on) uses a

@@ -24,7 +24,8 @@ pub use constants::{
 pub use families::{BVH, EXHAUSTIVE, FAMILIES, RASTER, TILE_CPU, TILE_GPU};
 pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
 
-/// A condition for a parameter, a kernel or a define: a property of a strategy, a scene or a picture.
+/// A condition that decides whether a kernel has a parameter, or whether a program has a kernel or a define. Most
+/// conditions are properties of a strategy, a scene or a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fact {
     /// A condition that is true of every strategy.

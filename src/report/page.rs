@@ -180,8 +180,9 @@ pub fn notes(folders: &[Folder], shows: impl Fn(&Folder) -> bool) -> Vec<String>
     folders.iter().zip(labels(folders)).filter(|(folder, _)| shows(folder)).flat_map(of).collect()
 }
 
-/// Returns the notes of the folders whose records the page shows and, for several folders, notes on the points that
-/// several folders measured and on points that were not measured together. `records` contains the merged records.
+/// Returns the notes of the folders whose records the page shows, and of the folders without records. If `folders` has
+/// several elements, also returns a note on the points that more than one folder measured, and a note on the points
+/// that were not measured together. `records` contains the merged records.
 fn all_notes(folders: &[Folder], origins: &Origins<'_>, records: &[Record]) -> Vec<String> {
     let own = notes(folders, |folder| origins.shows(folder));
     let of_all = origins.left_out().into_iter().chain(apart_note(records));

@@ -288,6 +288,7 @@ mod tests {
         let alone = of(&[[3, 3, 0]]);
         assert_eq!(alone.bounds(), Some((Vec3::ZERO, Vec3::splat(9.0))));
         assert_eq!(alone.visible_positions(), [true, false, false, true, false]);
+        assert_eq!(of(&[]).bounds(), None);
         assert_eq!(of(&[[3, 3, 3], [0, 1, 2]]).positions_of_triangles(), [true, true, true, true, false]);
     }
 

@@ -218,8 +218,8 @@ axis! {
     NodeWidth "node_width" "the largest number of children of a tree node" {
         N2 "2" "two children",
         N4 "4" "four children: the fastest for single rays on a GPU",
-        N8 "8" "eight children, which a CPU tests at once in vectors of 8 numbers",
-        N16 "16" "sixteen children, which a CPU tests at once in vectors of 16 numbers",
+        N8 "8" "eight children, which a CPU tests at once for a single ray, in vectors of 8 numbers",
+        N16 "16" "sixteen children, which a CPU tests at once for a single ray, in vectors of 16 numbers",
         N32 "32" "thirty-two children: with traversal = tile on a GPU, each of the 32 work-items that share a tile tests one child",
     }
 }

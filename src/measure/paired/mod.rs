@@ -16,16 +16,16 @@
 //!    design.
 //! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its
 //!    launch, and the rest (two-way analysis of variance). Three launches give only a poor estimate of the
-//!    spread of a pair of points (two degrees of freedom). Therefore the own variance of the pair is averaged
+//!    spread of a pair of points (two degrees of freedom). Therefore the variance of the pair itself is averaged
 //!    with the variance of a usual pair of points, which follows from the variances of all points (a
-//!    moderated variance, after Smyth 2004). The own variance of a pair of points has (launches - 1) degrees
+//!    moderated variance, after Smyth 2004). The variance of the pair itself has (launches - 1) degrees
 //!    of freedom. The variance of a usual pair of points adds at most six degrees of freedom. If the group
 //!    has few other points, or if the variances of the points differ much from each other ([`prior`]), the
 //!    variance of a usual pair of points adds fewer degrees of freedom. If the group has fewer than four
-//!    points, the variance of a usual pair of points adds no degrees of freedom. The same is true if the own
-//!    variance of a pair of points is more than twice as large as that of a usual pair. Student's t gives the
+//!    points, the variance of a usual pair of points adds no degrees of freedom. The same is true if the
+//!    variance of the pair itself is more than twice as large as that of a usual pair. Student's t gives the
 //!    interval ([`spread`]). For the ratio of a point to an anchor (work that is timed for comparison) that
-//!    runs on processors (CPUs), only the own variance of this pair is used.
+//!    runs on processors (CPUs), only the variance of this pair itself is used.
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the
 //!    ratio of the times of two points, effects that are equal for all points cancel. Each group of points
 //!    has a table of its own. First, the point's own spread between launches is averaged with the spread of

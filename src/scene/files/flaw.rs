@@ -48,8 +48,8 @@ impl Flaw {
     }
 }
 
-/// Makes a `Flaw` whose description quotes nothing from the file. The description may contain numbers of
-/// elements and bytes: only text of the file is a quotation.
+/// Makes a `Flaw` whose description quotes no text from the file. The description may contain counts, indices and
+/// offsets, which are no quotations.
 impl<T: Into<String>> From<T> for Flaw {
     fn from(what: T) -> Self {
         Self { line: None, what: what.into(), unquoted: None, remedy: EXPORT }

@@ -250,7 +250,7 @@ pub(super) fn are_coloured(chunks: &[PointChunk]) -> bool {
     chunks.iter().any(|chunk| chunk.coloured > 0)
 }
 
-/// Returns the value of a full channel. Some programs write colours from 0 to 255, others from 0 to 1. All
+/// Returns the value of a channel at full intensity. Some programs write colours from 0 to 255, others from 0 to 1. All
 /// colours of a file have the same range.
 fn full_channel(channels: impl Iterator<Item = f32>) -> f32 {
     if channels.fold(0.0, f32::max) > MOST_OF_UNIT { 255.0 } else { 1.0 }
