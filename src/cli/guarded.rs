@@ -116,16 +116,23 @@ impl Guarded<'_> {
 /// driver fails. Also fails if the command runs again in a second child process, and a driver seems to have ended the
 /// second child process too.
 pub fn run(command: &Guarded<'_>) -> Result<()> {
-    let scene = command.shown_scene.filter(|_| std::env::var_os(ALLOCATOR).is_none());
-    // A scene without a length, such as standard input, counts as small.
-    let bytes = |scene: &Path| scene.metadata().map_or(0, |metadata| metadata.len());
-    let allocator = scene.map(|scene| (ALLOCATOR, allocator_settings(cores(), bytes(scene)).into()));
+    let settings = allocator(command.shown_scene, std::env::var_os(ALLOCATOR).is_some(), cores());
+    let allocator = settings.map(|settings| (ALLOCATOR, settings.into()));
     let parent = Parent::new(command.screen)?;
     let status = attempt(allocator.as_slice(), &parent)?;
     if drivers_doing(status).is_none() {
         return end_as(status);
     }
     end_as(without_broken(status, command, &parent)?)
+}
+
+/// Returns the settings of the allocator for a command that shows `scene`; `None` if the command shows no scene, or if
+/// the user has chosen the settings.
+fn allocator(scene: Option<&Path>, has_own: bool, processors: usize) -> Option<String> {
+    let scene = scene.filter(|_| !has_own)?;
+    // A scene without a length, such as standard input, counts as small.
+    let bytes = scene.metadata().map_or(0, |metadata| metadata.len());
+    Some(allocator_settings(processors, bytes))
 }
 
 /// Tries the drivers one by one. If some drivers fail, runs the command again without these drivers. If no driver
@@ -311,6 +318,20 @@ mod tests {
     fn a_process_whose_parent_is_not_the_one_that_started_it_is_an_orphan() {
         assert!(is_orphan(Some("7"), 1) && !is_orphan(Some("7"), 7));
         assert!(!is_orphan(None, 1) && !is_orphan(Some("yes"), 1));
+    }
+
+    #[test]
+    fn the_allocator_is_set_for_the_scene_that_is_shown_unless_the_user_has_set_it() {
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        assert_eq!(allocator(Some(file.path()), false, 3), Some(allocator_settings(3, 0)));
+        assert_eq!(allocator(Some(Path::new("-")), false, 3), Some(allocator_settings(3, 0)));
+        assert_eq!(allocator(Some(file.path()), true, 3), None);
+        assert_eq!(allocator(None, false, 3), None);
+        // The file's bytes are not stored: it is a hole.
+        let large = 1 << 30;
+        file.as_file().set_len(large).expect("a file with a hole");
+        assert_eq!(allocator(Some(file.path()), false, 3), Some(allocator_settings(3, large)));
+        assert_ne!(allocator_settings(3, large), allocator_settings(3, 0));
     }
 
     #[test]

@@ -394,6 +394,20 @@ mod tests {
     }
 
     #[test]
+    fn commands_that_show_a_scene_name_it() {
+        for (words, expected) in [
+            (&["render", "a.obj"][..], Some("a.obj")),
+            (&["view", "b.toml"], Some("b.toml")),
+            (&["devices"], None),
+        ] {
+            let words: Vec<OsString> = ["raycl"].iter().chain(words).map(Into::into).collect();
+            let shown = Cli::parse_words(&words).expect("a command");
+            let shown = shown.command.guarded().shown_scene.map(Path::to_owned);
+            assert_eq!(shown.as_deref(), expected.map(Path::new));
+        }
+    }
+
+    #[test]
     fn a_negative_number_is_a_value_and_its_mistake_says_what_is_expected() {
         let words = |words: &[&str]| words.iter().map(OsString::from).collect::<Vec<_>>();
         assert!(Cli::parse_words(&words(&["raycl", "render", "a.obj", "--azimuth", "-30"])).is_ok());

@@ -272,7 +272,7 @@ fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<O
 /// compute. Verification, layers and some file formats need the picture's radiance, not only its 8-bit
 /// colours.
 fn may_be_shown(args: &Args, target: &Target) -> bool {
-    args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
+    args.verify.is_none() && args.layers.is_none() && shows_8_bits(target)
 }
 
 /// Prints the report; to standard error if the picture goes to standard output. If the picture is wrong, then

@@ -264,9 +264,9 @@ pub fn save_rgb8(picture: &RgbImage, target: &Target) -> Result<()> {
     target.write(|file| if format == Format::Jpeg { jpeg(picture, file) } else { png(picture, file) })
 }
 
-/// Returns true if a file of this name has 8 bits per channel, so that [`save_rgb8`] can write it.
-pub fn shows_8_bits(path: &Path) -> bool {
-    format(path).is_ok_and(|format| matches!(format, Format::Png | Format::Jpeg))
+/// Returns true if the target's picture has 8 bits per channel.
+pub fn shows_8_bits(target: &Target) -> bool {
+    format_of(target).is_ok_and(|format| matches!(format, Format::Png | Format::Jpeg))
 }
 
 /// Returns true if a file of this name contains radiance instead of displayed colours.
@@ -872,9 +872,12 @@ mod tests {
             let path = folder.path().join(name);
             save_rgb8(&RgbImage::new(2, 2), &target(&path, false)).unwrap();
             assert!(std::fs::read(&path).unwrap().starts_with(begin), "{name}");
-            assert!(shows_8_bits(&path) && is_jpeg(&path) == (name != "a.png"), "{name}");
+            assert!(shows_8_bits(&target(&path, false)), "{name}");
+            assert!(is_jpeg(&path) == (name != "a.png"), "{name}");
         }
-        assert!(!shows_8_bits(Path::new("a.exr")) && !is_jpeg(Path::new("a.exr")));
+        // On standard output, the picture is a PNG.
+        assert!(shows_8_bits(&target(Path::new("-"), false)) && !is_jpeg(Path::new("-")));
+        assert!(!shows_8_bits(&target(Path::new("a.exr"), false)) && !is_jpeg(Path::new("a.exr")));
     }
 
     #[test]

@@ -1,9 +1,13 @@
-//! Encodes a PNG while further rows of the picture still arrive.
+//! Encodes a PNG while further rows of the picture still arrive. The compression is chosen before the rows are known, so
+//! a picture of noise, which cannot be compressed, takes a third more bytes than its pixels.
 
 use super::encode::png_encoder;
 use png::{ColorType, StreamWriter};
 use std::io::{Error, Result, Write};
 use std::sync::mpsc::{Receiver, Sender, channel};
+
+/// Number of bytes of compressed pixels in a chunk of the PNG file.
+const CHUNK_BYTES: usize = 1 << 16;
 
 /// A PNG that is being encoded while rows of the picture still arrive.
 pub struct Encoding {
@@ -18,7 +22,7 @@ impl Encoding {
     pub fn new([width, height]: [u32; 2]) -> Self {
         let (pieces, encoded) = channel();
         let encoder = png_encoder(Pieces(pieces), (width, height), ColorType::Rgb).write_header();
-        let encoder = encoder.and_then(png::Writer::into_stream_writer);
+        let encoder = encoder.and_then(|writer| writer.into_stream_writer_with_size(CHUNK_BYTES));
         Self { encoder: encoder.map(Box::new).map_err(Error::other), encoded }
     }
 

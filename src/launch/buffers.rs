@@ -169,6 +169,10 @@ mod tests {
             read_rows(&queue, &buffer, (2..9, ROW, 1), take).unwrap();
             assert_eq!(read, values[2 * ROW..9 * ROW]);
             assert_eq!(pieces, expected);
+            // A piece has at least the rows that belong together, even if it is larger than usual.
+            let mut together = Vec::new();
+            read_rows(&queue, &buffer, (2..9, ROW, 3), |rows, _: &[u32]| together.push(rows.len())).unwrap();
+            assert_eq!(together, if expected == [7] { vec![7] } else { vec![3, 3, 1] });
         }
     }
 

@@ -327,11 +327,23 @@ mod tests {
         assert_eq!(error, "a normal is zero, not finite, or of extreme length");
     }
 
-    /// Checks a mesh of one triangle, one of whose normals is `normal`.
+    /// Checks a mesh of one triangle, whose last normal is `normal`.
     fn with_normal(normal: Vec3) -> Result<()> {
         let mut scene = single_triangle();
-        scene.mesh_mut().normals[0] = normal;
+        scene.mesh_mut().normals.extend([Vec3::Z, normal]);
         check_mesh(&scene.mesh)
+    }
+
+    /// The mesh is checked in several chunks.
+    #[test]
+    fn the_first_position_that_is_too_far_is_named() {
+        let mut mesh = Mesh { positions: vec![Vec3::ZERO; 3 * PARALLEL_TRIANGLES], ..Mesh::default() };
+        let far = [1, PARALLEL_TRIANGLES + 2, 2 * PARALLEL_TRIANGLES + 3];
+        for (index, x) in far.into_iter().zip([2e12, 3e12, 4e12]).rev() {
+            mesh.positions[index].x = x;
+            let error = check_positions(&mesh).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("a vertex is at {};", mesh.positions[index])), "{error}");
+        }
     }
 
     #[test]
@@ -343,7 +355,8 @@ mod tests {
             mesh.positions.resize(5, Vec3::ONE);
             mesh.normals = vec![Vec3::Z; 2];
             mesh.triangles[0].normals = [0; 3];
-            change(&mut mesh.triangles[0]);
+            mesh.triangles.push(mesh.triangles[0]);
+            change(&mut mesh.triangles[1]);
             check_mesh(mesh).is_ok()
         };
         assert!(is_valid(|triangle| triangle.positions[2] = 4));

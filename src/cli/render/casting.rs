@@ -311,7 +311,8 @@ mod tests {
         });
     }
 
-    /// The host converts this picture in three pieces. A JPEG's pieces consist of whole bands of rows.
+    /// The host converts this picture in three pieces for a PNG, and in two for a JPEG, whose pieces consist of whole
+    /// bands of rows.
     #[test]
     fn a_picture_that_the_host_converts_in_pieces_is_the_whole_picture() {
         with_caster_of([700, 500], "bvh", false, |caster, _, display| {

@@ -148,3 +148,50 @@ fn converted(pixels: &[Float4], shown: &Shown) -> (Vec<u8>, Option<usize>) {
     let hits = bytes.par_chunks_mut(3 * TOGETHER).zip(pixels.par_chunks(TOGETHER)).map(convert).sum();
     (bytes, hits)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::device::discover;
+    use crate::launch::Session;
+    use crate::program::Sources;
+    use crate::scene::load_scene;
+    use crate::strategy::preset;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    #[test]
+    fn a_channel_that_is_not_finite_cannot_be_displayed() {
+        let shown = Shown::of(Display::default());
+        for channel in 0..3 {
+            for (wrong, is_shown) in [(1.0, true), (f32::NAN, false), (f32::NEG_INFINITY, false)] {
+                let mut pixels = [Float4::new(0.5, 0.5, 0.5, 1.0); 5];
+                pixels[1][channel] = wrong;
+                let hits = converted(&pixels, &shown).1;
+                assert_eq!(hits, is_shown.then_some(5), "{channel} {wrong}");
+            }
+        }
+    }
+
+    /// The host converts this picture in three pieces.
+    #[test]
+    fn a_picture_with_a_pixel_that_is_not_finite_in_any_piece_is_not_displayed() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let mut session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+        let size = [700, 500];
+        let prepared = session.prepare(&preset("bvh").unwrap().strategy, size, [1, 1]);
+        let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
+        let caster = caster.map_err(|refused| refused.reason()).unwrap();
+        caster.cast().unwrap();
+        assert!(caster.read_8_bits(None, scene.display).unwrap().is_some());
+        for row in [0, 250, 499] {
+            caster.cast().unwrap();
+            let wrong = [Float4::new(0.0, 0.0, f32::NAN, 1.0)];
+            caster.image.write(&wrong[..]).offset(row * 700).enq().unwrap();
+            assert_eq!(caster.read_8_bits(None, scene.display).unwrap(), None, "{row}");
+        }
+    }
+}

@@ -471,6 +471,24 @@ fn one_triangle_that_is_wound_wrongly_does_not_open_a_closed_mesh() {
     assert!(Ball::around(&sheet, DVec3::Y).is_open());
 }
 
+/// The triangles and positions of a large mesh are processed in several chunks.
+#[test]
+fn a_large_mesh_is_framed_alike_in_any_order_of_its_parts() {
+    let mesh = generate(&Shape::Sphere { triangles: 80_000 });
+    assert!(mesh.positions.len() > 2 * PARALLEL_TRIANGLES);
+    let mut reversed = mesh.clone();
+    reversed.positions.reverse();
+    reversed.triangles.reverse();
+    let last = mesh.positions.len() as u32 - 1;
+    for triangle in &mut reversed.triangles {
+        triangle.positions = triangle.positions.map(|index| last - index);
+    }
+    assert_eq!(mesh.bounds(), reversed.bounds());
+    assert!(mesh.visible_positions().into_iter().all(|is_visible| is_visible));
+    let framed = |framed: &Mesh| camera(framed, Ball::around(&mesh, DVec3::Y), &three_quarter(1.6));
+    assert_eq!(framed(&mesh), framed(&reversed));
+}
+
 /// The sums of a large mesh are computed in several chunks. Each chunk has another side of the room and other parts of
 /// the body inside, so that the sums of all chunks differ.
 #[test]
