@@ -214,6 +214,7 @@ fn render(args: &Args) -> Result<()> {
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
     let keep = || keeping::for_the_next_start(args, &device, &prepared, &strategy, (later, show_later));
     let keeping_notes = wrong.is_none().then(keep).unwrap_or_default();
+    notes.extend(empty(&scene, cast.hits));
     notes.extend(last_notes(args, &scene, sampling, verified.as_ref()).chain(keeping_notes));
     timeline.ends("keep");
     let report = Report {
@@ -305,6 +306,17 @@ fn last_notes(
 ) -> impl Iterator<Item = String> {
     let of_picture = hard(scene, sampling.most).into_iter().chain(undisplayed(args, sampling));
     of_picture.chain(verified.and_then(Verification::note)).chain(dirty_program())
+}
+
+/// Returns a note if the picture shows no surface, for example because it shows a sheet edge-on. `hits` is the number of
+/// pixels whose rays hit a surface.
+fn empty(scene: &Scene, hits: usize) -> Option<String> {
+    let is_empty = hits == 0 && !scene.mesh.triangles.is_empty();
+    is_empty.then(|| {
+        "the picture shows no surface: no ray from the eye hits one; to see the scene from another direction, use \
+         --azimuth and --elevation"
+            .to_owned()
+    })
 }
 
 /// Returns a note if options for the display change no surface in the picture, since the picture's file contains
@@ -646,6 +658,16 @@ mod tests {
         let (args, scene) =
             (args(&[&["a.toml"], &both[..]].concat()), crate::reference::fixtures::single_triangle());
         assert!(last_notes(&args, &scene, Sampling::ONE, None).any(|note| note.starts_with(start)));
+    }
+
+    #[test]
+    fn a_picture_without_surfaces_is_noted() {
+        let scene = crate::reference::fixtures::single_triangle();
+        assert!(empty(&scene, 0).is_some_and(|note| note.starts_with("the picture shows no surface: ")));
+        assert_eq!(empty(&scene, 1), None);
+        let mut without = scene;
+        without.mesh_mut().triangles.clear();
+        assert_eq!(empty(&without, 0), None);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::casting::medians;
 use super::judge::{check, verified};
 use super::report::Verification;
-use super::{Args, last_notes, load, target};
+use super::{Args, empty, last_notes, load, target};
 use crate::cli::turn::hold;
 use crate::clock::ms_since;
 use crate::device::{Device, common_names, discover, select};
@@ -126,6 +126,8 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let rays = rays(&scene, image_size, hits, sampling.most);
     let frame_ms = longest(|row| row.frame_ms);
+    let all_notes = notes.into_iter().chain(empty(&scene, hits));
+    let all_notes = all_notes.chain(last_notes(args, &scene, sampling, verified.as_ref()));
     let report = Report {
         scene: scene.name.clone(),
         triangles: scene.mesh.triangles.len(),
@@ -141,7 +143,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         left_out,
         frames: args.repeat,
         total_ms: ms_since(start),
-        notes: notes.into_iter().chain(last_notes(args, &scene, sampling, verified.as_ref())).collect(),
+        notes: all_notes.collect(),
         verified,
         output: target.path().display().to_string(),
     };
