@@ -1,6 +1,6 @@
-// Rays of a tile without a common origin: to points of a light with an extent, and to the sky. The 16 rays of a vector
-// to a light traverse the tree together, as a packet. Rays to the sky that meet the box of a child of the root traverse
-// the tree one by one (single_ray.cl).
+// Rays of a tile without a common origin: to points of a light with an extent, and to the sky. Rays to a light are cast
+// in vectors of 16 rays, which traverse the tree together, as a packet. Rays to the sky that meet the box of a child of
+// the root traverse the tree one by one (single_ray.cl).
 
 #include "cast/bvh_node.cl"
 

@@ -160,7 +160,7 @@ fn command_text(kind: &MissingKind) -> String {
     let shards = kind.shards.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
     let more = if kind.points.len() > 3 { ", ..." } else { "" };
     format!(
-        "{}: {} of {} points, of shard{} {shards} ({first}{more}):\n  {}",
+        "{}: {} of {} points ({first}{more}), in shard{} {shards}:\n  {}",
         kind.device,
         kind.points.len(),
         kind.of,
@@ -283,9 +283,9 @@ mod tests {
             lines,
             [
                 "these commands measure the missing points",
-                "gpu: 2 of 9 points, of shards 2, 3 (a, b):",
+                "gpu: 2 of 9 points (a, b), in shards 2, 3:",
                 "  raycl run on gpu",
-                "cpu: 1 of 9 points, of shard 4 (c):",
+                "cpu: 1 of 9 points (c), in shard 4:",
                 "  raycl run on cpu",
                 "devices with results: gpu, cpu",
             ]

@@ -114,7 +114,7 @@ pub struct Args {
     /// standard output
     #[arg(long)]
     json: bool,
-    /// Print nothing but errors and, with --json, the JSON object
+    /// Print only errors, lines about waiting for other processes and, with --json, the JSON object
     #[arg(short, long)]
     quiet: bool,
 }

@@ -82,7 +82,10 @@ fn strategy() -> Schema {
     for axis in AXES {
         add(
             axis.name,
-            &format!("{}: one value, or a list of values, each of which makes a strategy", axis.about),
+            &format!(
+                "{}: one value, or a list of values; each combination of the values of all lists is a strategy",
+                axis.about
+            ),
             values(axis),
         );
     }

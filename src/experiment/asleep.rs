@@ -75,8 +75,7 @@ pub struct Asleep<'a> {
 }
 
 impl<'a> Asleep<'a> {
-    /// Makes an `Asleep` for the points of a plan, which waits `frame_ms` milliseconds in place of casting a
-    /// frame.
+    /// Makes an `Asleep` for the points of a plan. The `Asleep` waits `frame_ms` milliseconds instead of casting a frame.
     pub fn new(drafter: Drafter<'a>, plan: Plan, frame_ms: f64) -> Self {
         let frame = Duration::try_from_secs_f64(1e-3 * frame_ms).unwrap_or_default();
         Self { drafter, plan, frame, device: device(frame_ms), scene: HeldScene::default() }

@@ -68,7 +68,7 @@ fn texels(
         let error = document.error(file.span(), message, "here");
         if path.is_file() {
             return error
-                .with_help("expected a Radiance HDR (RGBE, -Y +X) or an OpenEXR; convert the picture");
+                .with_help("a sky's picture is a Radiance HDR (RGBE, -Y +X) or an OpenEXR; convert pictures of other formats");
         }
         let meant = nearest_file(&path);
         let meant = meant.map(|meant| format!("did you mean `{}`? ", meant.display())).unwrap_or_default();

@@ -257,7 +257,7 @@ fn a_comment_may_follow_a_name() {
     assert_eq!(grey, 0.8);
     assert!(notes[0].starts_with("MTL file `none.mtl` cannot be read (") && notes.len() == 2, "{notes:?}");
     assert!(notes[1].contains("(material `red`)"), "{notes:?}");
-    // If no space follows a `#`, the `#` begins a comment only if the name before it is known.
+    // If no space follows a `#`, the `#` begins a comment only if the text before it is the name of a known material.
     assert_eq!(red(&both, "mtllib #1.mtl\nusemtl red #walls"), (1.0, Vec::new()));
     // The name of a material may be empty, and a comment may follow the empty name.
     let nameless = "newmtl # nameless\nKd 0.5 0 0\n";
