@@ -201,7 +201,7 @@ fn what_is_missing_is_named_with_the_command_that_measures_it() {
     let said = ground.folder.mistake(&["merge", "out", "--quiet"], 1);
     has(
         &said,
-        &["points are missing", "of shard 2", "raycl run test.toml --quiet --asleep 1 --out out --shard 2/2"],
+        &["points are missing", "in shard 2", "raycl run test.toml --quiet --asleep 1 --out out --shard 2/2"],
     );
     // The shard was measured when the folder had another name. The printed command must name the folder's
     // present name.

@@ -85,8 +85,8 @@ impl HostNeeds {
         }
         let mut casting = base.clone();
         if strategy.needs_tree() {
-            // While the frame is cast, only the leaf order of the tree is left in the host's memory: the
-            // host's copy of the nodes is freed before the triangles are uploaded.
+            // While the triangles are uploaded, only the leaf order of the tree is left in the host's memory: the
+            // host's copy of the nodes is freed before. The sum counts uploading and casting as one moment.
             casting.add("leaf order", &[(4, " B"), (w.triangles as u64, " triangles")]);
         }
         if shared {

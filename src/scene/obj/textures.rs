@@ -114,7 +114,7 @@ struct LoadedMaps<'a> {
 /// A texture of a material.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Map {
-    /// The end of the line, which begins with the name of the picture's file. A comment may follow the name.
+    /// The part of the line after the keyword and its options: the name of the picture's file, perhaps with a comment.
     named: String,
     /// The location of the line that names the file, for messages.
     at: String,

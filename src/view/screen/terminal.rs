@@ -299,7 +299,7 @@ fn failed(error: std::io::Error) -> Error {
 }
 
 /// Adds a key to the input, unless the event is the key's release. Ctrl-C closes the view; all other keys are
-/// ignored while Ctrl is held.
+/// ignored while Ctrl is held. An Escape before the key counts ([`follows_escape`]).
 fn pressed(input: &mut Input, key: KeyEvent) {
     if key.kind == KeyEventKind::Release {
         return;
