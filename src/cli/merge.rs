@@ -325,13 +325,13 @@ mod tests {
         let of_failed = [
             "out/summary.md gives the reason for each point that failed",
             "these commands measure the failed points again",
-            "gpu: 1 of 9 points, of shard 3 (b):",
+            "gpu: 1 of 9 points (b), in shard 3:",
             "  raycl again",
         ];
         let lines: Vec<&str> = remedy.lines().collect();
         let of_missing = [
             "these commands measure the missing points",
-            "gpu: 1 of 9 points, of shard 2 (a):",
+            "gpu: 1 of 9 points (a), in shard 2:",
             "  raycl run",
         ];
         assert_eq!(lines, [&of_missing[..], &of_failed[..]].concat());
@@ -358,8 +358,8 @@ mod tests {
             error.remedy().to_owned()
         };
         let three = remedy_of(&["a", "b", "c"]);
-        assert!(three.contains("(a, b, c):"), "{three}");
+        assert!(three.contains("(a, b, c), "), "{three}");
         let four = remedy_of(&["a", "b", "c", "d"]);
-        assert!(four.contains("(a, b, c, ...):"), "{four}");
+        assert!(four.contains("(a, b, c, ...), "), "{four}");
     }
 }
