@@ -271,9 +271,15 @@ fn a_sweep_has_the_times_of_the_cases_that_are_wanted_and_what_was_said_of_it() 
 
 #[test]
 fn the_help_of_quiet_says_that_the_json_object_is_printed_nevertheless() {
-    for command in ["render", "view"] {
+    for (command, what) in [
+        (
+            "render",
+            "Print only errors, lines about waiting for other processes and, with --json, the JSON object",
+        ),
+        ("view", "Print nothing but errors and, with --json, the JSON object"),
+    ] {
         let help = output(&["help", command]).split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(help.contains("Print nothing but errors and, with --json, the JSON object"), "{help}");
+        assert!(help.contains(what), "{help}");
     }
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
     let picture = ["render", "scene.toml", "-o", "a.png", "--width", "8", "--height", "5", "--quiet"];
