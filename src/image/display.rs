@@ -110,7 +110,7 @@ struct Thresholds {
     at_least: Box<[u8; ELEMENTS]>,
     /// True if every lower bound in `at_least` is at most 1 below the radiance's 8-bit value. With usual display
     /// settings, it is.
-    needs_one_step: bool,
+    one_step_suffices: bool,
 }
 
 /// Number of elements of [`Thresholds::at_least`]: the sign bit of its radiances is 0.
@@ -133,7 +133,7 @@ impl Thresholds {
         // One step is enough if no element has two thresholds between its radiances.
         let elements: [u32; 255] =
             std::array::from_fn(|value| thresholds[value].to_bits() >> Shown::INDEX_SHIFT);
-        Self { smallest: thresholds, at_least, needs_one_step: elements.is_sorted_by(|a, b| a < b) }
+        Self { smallest: thresholds, at_least, one_step_suffices: elements.is_sorted_by(|a, b| a < b) }
     }
 
     fn value(&self, radiance: f32) -> u8 {
@@ -143,7 +143,7 @@ impl Thresholds {
         let bound = self.at_least[(radiance.to_bits() >> Shown::INDEX_SHIFT) as usize & (ELEMENTS - 1)];
         // Whether the first step is needed differs from pixel to pixel, so a branch would often be predicted wrongly.
         let mut value = bound + u8::from(self.smallest[usize::from(bound)] <= radiance);
-        while !self.needs_one_step && self.smallest[usize::from(value)] <= radiance {
+        while !self.one_step_suffices && self.smallest[usize::from(value)] <= radiance {
             value += 1;
         }
         value
@@ -237,10 +237,10 @@ mod tests {
     /// most one step.
     #[test]
     fn with_the_usual_display_the_table_is_at_most_one_value_too_low() {
-        let needs_one_step = |display| Thresholds::new(display).needs_one_step;
-        assert!(needs_one_step(Display::default()));
-        assert!(!needs_one_step(Display { gamma: 0.1, ..Display::default() }));
-        assert!(!needs_one_step(Display { exposure: 0.0, ..Display::default() }));
+        let one_step_suffices = |display| Thresholds::new(display).one_step_suffices;
+        assert!(one_step_suffices(Display::default()));
+        assert!(!one_step_suffices(Display { gamma: 0.1, ..Display::default() }));
+        assert!(!one_step_suffices(Display { exposure: 0.0, ..Display::default() }));
     }
 
     #[test]
