@@ -29,6 +29,8 @@ pub(super) struct LeftOut {
     pub unskinned: usize,
     /// The number of vertices with joints or weights that are not valid.
     pub odd_influences: usize,
+    /// The number of sets of joints without weights, and of sets of weights without joints.
+    pub unpaired: usize,
     pub targets: usize,
     pub clear_colours: usize,
     pub lines_and_points: usize,
@@ -49,6 +51,7 @@ impl LeftOut {
     pub fn add(&mut self, part: &Part) {
         self.odd_coordinates += part.odd_coordinates;
         self.odd_influences += part.odd_influences;
+        self.unpaired += part.unpaired;
         self.empty += part.empty;
         self.dangling += part.dangling;
         self.spare += part.spare;
@@ -97,6 +100,11 @@ impl LeftOut {
                 self.odd_influences,
                 "vertex with joints or weights that are not valid",
                 "placed by the valid joints or, without any, by the skin's first valid joint",
+            ),
+            (
+                self.unpaired,
+                "set of joints (JOINTS_n) or of weights (WEIGHTS_n) without the other",
+                "ignored",
             ),
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
@@ -176,10 +184,11 @@ mod tests {
             spare: 100 * count,
             odd_coordinates: 1000 * count,
             odd_influences: 10_000 * count,
+            unpaired: 100_000 * count,
         };
         let mut all = LeftOut::default();
         [1, 2].map(part).iter().for_each(|part| all.add(part));
         assert_eq!([all.empty, all.dangling, all.spare, all.odd_coordinates], [3, 30, 300, 3000]);
-        assert_eq!(all.odd_influences, 30_000);
+        assert_eq!([all.odd_influences, all.unpaired], [30_000, 300_000]);
     }
 }

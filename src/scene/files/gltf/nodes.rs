@@ -64,9 +64,10 @@ impl<'a> Walk<'a> {
         placed: &[PlacedNode],
         maps: &'a [Option<ColourMap>],
     ) -> Result<Self, Flaw> {
+        let skins = skins::of_nodes(numbers, placed)?;
         let mut walk = Self {
             numbers,
-            skins: skins::of_nodes(numbers, placed)?,
+            skins: skins.list,
             positions: Vec::new(),
             normals: Vec::new(),
             colours: Vec::new(),
@@ -80,7 +81,7 @@ impl<'a> Walk<'a> {
             starts: Vec::new(),
             cameras: Vec::new(),
             lights: Vec::new(),
-            left_out: LeftOut::default(),
+            left_out: LeftOut { empty: skins.empty, ..LeftOut::default() },
         };
         for (index, transform) in placed {
             let Some(node) = numbers.root.get(*index) else { continue };

@@ -10,6 +10,7 @@ use gltf::json::accessor::Accessor;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
+use std::collections::BTreeSet;
 
 /// A part of a mesh (a primitive in glTF), in the coordinates of its node or, if a skin places it, of the scene.
 pub(super) struct Part {
@@ -44,6 +45,8 @@ pub(super) struct Part {
     pub odd_coordinates: usize,
     /// Number of vertices with joints or weights that are not valid.
     pub odd_influences: usize,
+    /// Number of sets of joints without weights, and of sets of weights without joints, of a part with a skin.
+    pub unpaired: usize,
 }
 
 /// Upper limits of a part's sizes, computed from the numbers of elements of its accessors.
@@ -66,22 +69,29 @@ struct Used {
     indices: Option<Index<Accessor>>,
     /// The sets of joints and their weights.
     influences: Vec<[Index<Accessor>; 2]>,
+    /// The number of sets of joints without weights, and of sets of weights without joints.
+    unpaired: usize,
 }
 
 impl Used {
     fn of(primitive: &Primitive, set: Option<u32>, is_skinned: bool) -> Self {
         let attribute = |wanted: Semantic| primitive.attributes.get(&Checked::Valid(wanted)).copied();
-        let influences = primitive.attributes.iter().filter_map(|(semantic, joints)| match semantic {
-            Checked::Valid(Semantic::Joints(set)) => Some([*joints, attribute(Semantic::Weights(*set))?]),
+        let sets = primitive.attributes.keys().filter_map(|semantic| match semantic {
+            Checked::Valid(Semantic::Joints(set) | Semantic::Weights(set)) => Some(*set),
             _ => None,
         });
+        let sets: BTreeSet<u32> = sets.filter(|_| is_skinned).collect();
+        let pair =
+            |set: &u32| Some([attribute(Semantic::Joints(*set))?, attribute(Semantic::Weights(*set))?]);
+        let influences: Vec<_> = sets.iter().filter_map(pair).collect();
         Self {
             positions: attribute(Semantic::Positions),
             normals: attribute(Semantic::Normals),
             colours: attribute(Semantic::Colors(0)),
             coordinates: set.and_then(|set| attribute(Semantic::TexCoords(set))),
             indices: primitive.indices,
-            influences: influences.filter(|_| is_skinned).collect(),
+            unpaired: sets.len() - influences.len(),
+            influences,
         }
     }
 
@@ -155,6 +165,7 @@ impl Part {
             spare: spare(mode, indices.len()),
             odd_coordinates,
             odd_influences: 0,
+            unpaired: used.unpaired,
         };
         let mut part = part.compact();
         part.coloured = part.colours.len();

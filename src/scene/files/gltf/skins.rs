@@ -26,9 +26,16 @@ pub(super) struct Influences {
     pub weights: Vec<[f64; 4]>,
 }
 
-/// Reads the skins of the nodes `placed`. The key of a skin is its index in the file. A skin without valid joints is
-/// left out.
-pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<HashMap<usize, Skin>> {
+/// The skins of the nodes of a scene.
+pub(super) struct Skins {
+    /// The skins by their indices in the file, without the skins that have no valid joints.
+    pub list: HashMap<usize, Skin>,
+    /// The number of their lists of inverse bind matrices that store nothing, so that all matrices are zero.
+    pub empty: usize,
+}
+
+/// Reads the skins of the nodes `placed`.
+pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<Skins> {
     let nodes = placed.iter().filter_map(|(node, _)| numbers.root.get(*node));
     let used: Vec<_> = nodes.filter(|node| node.mesh.is_some()).filter_map(|node| node.skin).collect();
     let worlds = if used.is_empty() { Vec::new() } else { worlds(numbers.root, placed) };
@@ -45,7 +52,10 @@ pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<Ha
         let first = joints.iter().flatten().next().copied();
         skins.insert(index.value(), first.map(|first| Skin { joints, first }));
     }
-    Ok(skins.into_iter().filter_map(|(index, skin)| Some((index, skin?))).collect())
+    Ok(Skins {
+        list: skins.into_iter().filter_map(|(index, skin)| Some((index, skin?))).collect(),
+        empty: matrices.keys().filter(|index| numbers.is_empty(Index::new(**index as u32))).count(),
+    })
 }
 
 /// Returns, for each joint of a skin, the transform from the mesh's coordinates to the scene's coordinates: see

@@ -76,7 +76,9 @@ impl Bar {
         for (number, (bytes, keys)) in lists.iter().enumerate() {
             let (start, length) = (data.len(), bytes.len());
             views.push(format!(r#"{{"buffer": 0, "byteOffset": {start}, "byteLength": {length}}}"#));
-            accessors.push(format!(r#"{{"bufferView": {number}, {keys}}}"#));
+            // A list without bytes becomes an accessor without data.
+            let view = if bytes.is_empty() { String::new() } else { format!(r#""bufferView": {number}, "#) };
+            accessors.push(format!("{{{view}{keys}}}"));
             data.extend_from_slice(bytes);
         }
         let (length, data) = (data.len(), STANDARD.encode(data));
@@ -164,6 +166,26 @@ fn all_sets_of_joints_count() {
 }
 
 #[test]
+fn a_set_of_joints_or_weights_without_the_other_is_ignored_with_a_note() {
+    let note = |sets| format!("{sets} of joints (JOINTS_n) or of weights (WEIGHTS_n) without the other");
+    let joints = || Bar::new().and("JOINTS_1", vec![1; 12], JOINTS);
+    joints().assert_shown(PLACED, &[&format!("{} is ignored", note("1 set"))]);
+    let weights = floats(&[1.0; 12]);
+    let both = joints().and("WEIGHTS_2", weights.clone(), VEC4);
+    both.assert_shown(PLACED, &[&format!("{} are ignored", note("2 sets"))]);
+    // Joints of a mesh without a skin place nothing.
+    Bar::new().and("WEIGHTS_1", weights, VEC4).replace(r#", "skin": 0"#, "").assert_shown(STORED, &[]);
+}
+
+#[test]
+fn inverse_bind_matrices_without_data_are_zeros_and_noted() {
+    let bar = Bar::new().with(INVERSE, Vec::new(), MAT4);
+    let bar = bar.and("NORMAL", floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]), VEC3);
+    let (_, notes) = bar.shown();
+    assert_eq!(notes, ["1 accessor without data is read as zeros"]);
+}
+
+#[test]
 fn normals_stay_perpendicular_to_the_surface() {
     let with = |normal: [f32; 3]| Bar::new().and("NORMAL", floats([normal; 3].as_flattened()), VEC3);
     let is_near = |normals: [Vec3; 3], expected: [Vec3; 3]| {
@@ -238,9 +260,12 @@ fn a_skinned_mesh_without_joints_has_the_transform_of_its_node() {
     let moved = || Bar::new().replace(r#""skin": 0"#, r#""skin": 0, "translation": [0, 0, 5]"#);
     let note = "1 primitive that its skin does not place is shown with the transform of the mesh's node";
     let invalid = moved().with(INVERSE, floats(&[f32::NAN; 32]), MAT4);
-    for bar in [moved().replace(r#", "WEIGHTS_0": 2"#, ""), moved().replace("[1, 2]", "[]"), invalid] {
+    for bar in [moved().replace("[1, 2]", "[]"), invalid] {
         bar.assert_shown(STORED.map(|corner| corner + Vec3::Z * 5.0), &[note]);
     }
+    let unpaired = "1 set of joints (JOINTS_n) or of weights (WEIGHTS_n) without the other is ignored";
+    let bar = moved().replace(r#", "WEIGHTS_0": 2"#, "");
+    bar.assert_shown(STORED.map(|corner| corner + Vec3::Z * 5.0), &[note, unpaired]);
     let unskinned = moved().replace(r#""skin": 0, "#, "");
     unskinned.assert_shown(STORED.map(|corner| corner + Vec3::Z * 5.0), &[]);
 }
