@@ -334,8 +334,9 @@ fn undisplayed(args: &Args, sampling: Sampling) -> Option<String> {
     })
 }
 
-/// Returns a note if each pixel gets only one sample, and the scene has lights with an extent or a sky: such lights are
-/// then treated as points, and the light of a sky is grainy. Returns `None` in all other cases.
+/// Returns a note if each pixel gets only one sample, and the scene has a sky, or lights with an extent (a radius or
+/// edges). With one sample, lights with an extent are treated as points, and the sky's light is grainy. Returns `None`
+/// in all other cases.
 fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let count = |is: fn(&Light) -> bool| scene.lights.iter().filter(|light| is(light)).count();
     let (soft, areas) = (count(Light::has_extent), count(|light| light.area.is_some()));

@@ -118,8 +118,8 @@ impl Findings {
                 repair(&attempt, &mut self.repaired)?;
                 self.unreadable.extend(unreadable(&attempt));
             }
-            // The attempt may be running: it has not ended and was not lost, or another process holds the
-            // lock of the attempt's folder.
+            // The attempt may be running: its state is neither `Ended` nor `Lost`, or another process holds the
+            // lock of its folder.
             None | Some(Err(Error::Input(_))) => self.running.push(attempt),
             Some(Err(error)) => return Err(error),
         }

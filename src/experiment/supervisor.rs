@@ -318,8 +318,12 @@ impl<'a> Supervisor<'a> {
             return None;
         }
         self.given_up += 1;
-        let twice = if *deaths > 1 { "on both attempts, the worker process" } else { "the worker process" };
-        let reason = format!("{twice} {end}");
+        let died = if *deaths > 1 {
+            "a worker process died on both attempts; the second one"
+        } else {
+            "the worker process"
+        };
+        let reason = format!("{died} {end}");
         Some(PointFailure::new(Outcome::Crashed, reason))
     }
 }

@@ -235,7 +235,7 @@ fn rename_device(record: &mut Record, names: &HashMap<String, String>) {
     }
 }
 
-/// Returns true if the new names in `names` give no two devices of the records the same name.
+/// Returns true if all devices of the records still have different names after they get their new names from `names`.
 fn stay_apart(records: &[Record], names: &HashMap<String, String>) -> bool {
     let devices: HashSet<&String> = records.iter().map(|record| &record.device).collect();
     let renamed: HashSet<&String> =

@@ -290,7 +290,8 @@ mod tests {
             let values = || offsets.iter().map(|offset| f64::from(offset[axis]));
             let mean = values().sum::<f64>() / 1024.0;
             let variance = values().map(|value| value * value).sum::<f64>() / 1024.0;
-            // The filter is 1.5 pixels wide. The expected variance is a numerical integral of its cosine series.
+            // The filter is 1.5 pixels wide. The expected variance comes from numerical integration: the integral of
+            // the filter times the squared distance from its centre, divided by the integral of the filter.
             assert!(
                 mean.abs() < 1e-3 && (variance / (1.5 * 1.5) - 0.019_18).abs() < 1e-3,
                 "{mean} {variance}"

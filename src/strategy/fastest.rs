@@ -85,9 +85,9 @@ pub enum Class {
     TilesInNarrowVectors,
     /// A GPU whose work-items exchange values by PTX's lane operations. Groups of 32 work-items share tiles.
     SharedTiles,
-    /// A GPU without PTX's lane operations, on which raycl chooses no tiles, or a CPU without vectors for kernels.
-    /// Mesa's driver for CPUs reports a CPU without vectors: like a GPU, the driver executes several work-items in the
-    /// lanes of a vector.
+    /// A GPU without PTX's lane operations, or a CPU whose driver reports no vectors. On these devices, raycl chooses no
+    /// tiles. Mesa's driver for CPUs reports no vectors: like a GPU, it executes several work-items in the lanes of a
+    /// vector.
     SingleRays,
 }
 

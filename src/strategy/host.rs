@@ -29,7 +29,7 @@ const PICTURE_BYTES: u64 = 12 + 3 + 3;
 /// Bytes of a material. A mesh with vertex colours may have millions of materials.
 const MATERIAL_BYTES: u64 = size_of::<Material>() as u64;
 
-/// Bytes of a triangle's texture coordinates and textures in the mesh. A device stores them in fewer bytes.
+/// Bytes per triangle of the mesh for the texture coordinates and the numbers of the texture and the mask.
 const MAPPED_BYTES: u64 = size_of::<Mapped>() as u64;
 
 /// Bytes per pixel for verifying a picture with soft light at half resolution: the picture's unoccluded light

@@ -16,8 +16,8 @@
 // For rays mainly along x, the table's arrays serve in the order y, z, x: permuting axes costs no instruction.
 #include "common/planes_of_origin.cl"
 
-// The overlap of neighbouring triangles, in units of the usual overlap, which planes_of scales to 1. As in
-// tile_gpu/intersect/edge_planes.cl (which has the reason), triangles overlap half as much as in other tests.
+// The overlap of neighbouring triangles, in units of the usual overlap, which planes_of scales to 1.
+// tile_gpu/intersect/edge_planes.cl has half of the usual overlap, too, and explains why.
 #define OVERLAP 0.5f
 
 // Bounds four linear functions at once: a triangle's three planes and 1/z. `plane` has the four functions' coefficients

@@ -10,9 +10,9 @@
 // Returns the plane through the origin and an edge. `edge` is p - q; the edge's ends p and q are relative to the
 // origin. The plane is multiplied by `scale`, so that the overlap of neighbouring triangles becomes 1, and this 1 is
 // added. Before the 1 is added, swapping the ends p and q changes only the signs of all components. Neighbouring
-// triangles overlap by half as much as in other ray-triangle tests. (Measured on a GPU: with the full overlap of
-// triangles, one of two million pixels of a terrain is wrongly dark. With half the overlap of triangles, no pixel is
-// wrongly dark, and none of 60,516 rays aimed at edges and vertices slips through.)
+// triangles overlap by half of the usual overlap (SHARED_EDGE_SLACK, see common/hit.cl). (Measured on a GPU: with the
+// usual overlap, one of two million pixels of a terrain is wrongly dark. With half of it, no pixel is wrongly dark, and
+// none of 60,516 rays aimed at edges and vertices slips through.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));

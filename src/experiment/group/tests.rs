@@ -98,8 +98,9 @@ impl ResultSink for Noting {
         Ok(())
     }
     fn next_launch(&mut self) -> u32 {
-        // The latencies of earlier launches are dropped, so that all samples of a new launch count. The test
-        // cannot know the core-to-core latency of the machine on which the test runs.
+        // raycl leaves out samples that are slow because of a core-to-core latency far above the shortest one known.
+        // The test does not know the latencies of its machine. It forgets those of earlier launches, so that all
+        // samples of the new launch count.
         self.latencies_ns.clear();
         self.launches += 1;
         self.launches - 1

@@ -199,7 +199,8 @@ fn a_points_failure_says_how_its_worker_was_lost() {
         (failure.outcome, failure.reason)
     };
     let twice = [Wait::Dead(death("first")), Wait::Dead(death("oh"))];
-    let both = "on both attempts, the worker process was killed by SIGSEGV; its last message: oh";
+    let both =
+        "a worker process died on both attempts; the second one was killed by SIGSEGV; its last message: oh";
     assert_eq!(reason(&twice, LIMIT), (Outcome::Crashed, both.to_owned()));
     let hung = "the worker process did not answer within 0 s and was ended; if the point needs more time, \
                 raise `raycl run --hang-limit`";
@@ -215,11 +216,14 @@ fn a_points_failure_says_how_its_worker_was_lost() {
         noting.instead.borrow_mut().clear();
         (noting.requests.borrow().len() - before, failure.reason)
     };
-    let crashed = "the worker process was killed by SIGSEGV";
+    let crashed = "was killed by SIGSEGV";
     for point in 0..3 {
-        assert_eq!(attempts(point), (2, format!("on both attempts, {crashed}")));
+        assert_eq!(
+            attempts(point),
+            (2, format!("a worker process died on both attempts; the second one {crashed}"))
+        );
     }
-    assert_eq!(attempts(3), (1, crashed.to_owned()));
+    assert_eq!(attempts(3), (1, format!("the worker process {crashed}")));
 }
 
 #[test]
