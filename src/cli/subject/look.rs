@@ -46,7 +46,8 @@ pub struct Look {
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     crease: Option<f64>,
     /// Reverse the normals of faces that show their back to the viewer, so that back faces are lit like front
-    /// faces. `raycl view` and --turntable reverse either all normals of the scene or none. For a bare mesh, the
+    /// faces. With `raycl view` and --turntable, the camera moves, so the faces that show their back differ from
+    /// picture to picture: the option then reverses either all normals of the scene or none. For a bare mesh, the
     /// option is on by default; `--set two_sided=false` turns it off
     #[arg(long, help_heading = HEADING)]
     two_sided: bool,
