@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Colour {
-    /// Use colours if the output goes to a terminal.
+    /// Use colours if the output goes to a terminal and the variable `TERM` is not `dumb`.
     Auto,
     /// Always use colours, also in files and pipes.
     Always,

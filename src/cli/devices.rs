@@ -1,4 +1,4 @@
-//! `raycl devices`: lists every OpenCL platform and device, with its limits.
+//! `raycl devices`: lists the OpenCL platforms, and the devices with their limits.
 
 use serde::Serialize;
 
@@ -40,7 +40,7 @@ struct Listing<'a> {
     /// The platforms whose drivers failed to list their devices, each with the reason.
     failed_platforms: &'a [String],
     /// The slug (the name for use in file names) of the device on which commands cast if no option names a
-    /// device. Null if commands refuse to cast unless an option names a device.
+    /// device. Null if there is no such device.
     default: Option<String>,
 }
 
@@ -102,8 +102,8 @@ fn text(infos: &[DeviceInfo], [empty_platforms, failed_platforms]: [&[String]; 2
 }
 
 /// Returns the line that says on which device commands cast if no option names a device, or why they cast on no device.
-/// `origin` is the place where the user's settings name the device: the environment variable `RAYCL_DEVICE` or the
-/// settings file.
+/// `origin` is the place where the user names the device for such commands: the environment variable `RAYCL_DEVICE` or
+/// the settings file. `origin` is `None` if the user names no device there.
 fn by_default(infos: &[DeviceInfo], default: Result<Option<usize>>, origin: Option<&str>) -> String {
     match default {
         Ok(Some(index)) => {

@@ -1,4 +1,5 @@
-//! The device that the user names with `--device` or in the settings, or that raycl chooses.
+//! The device that the user names with `--device`, in the environment variable `RAYCL_DEVICE` or in the settings, or
+//! that raycl chooses.
 
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, LaneTest, default_index, matching_indices, pick_one};
@@ -6,9 +7,10 @@ use crate::error::{Error, Result};
 use crate::settings;
 use crate::sources::Sources;
 
-/// Returns the device that a command uses: the first device that matches `pattern`. Without `pattern`, returns the
-/// first device that matches the user's settings. If the settings name no device either, returns the most capable
-/// device. Returns an error if no device matches, or if no device is usable.
+/// Returns the device that a command uses: the first usable device that matches `pattern`. Without `pattern`, returns
+/// the first usable device that matches `RAYCL_DEVICE` or, if this variable is not set, the user's settings. If the
+/// settings name no device either, returns the most capable device. Returns an error if no usable device matches, or if
+/// no device is usable.
 pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
     one_device_with(pattern, sources, LaneTest::Now)
 }
@@ -30,13 +32,13 @@ fn one_device_index(
     }
 }
 
-/// Returns the index, in `infos`, of the device on which commands cast if no option names a device. Commands
-/// cast on the first device that matches the user's settings or, if the settings name no device, on the most
-/// capable device. Returns `None` if the settings name no device and no device is usable.
+/// Returns the index, in `infos`, of the device on which commands cast if no option names a device. `RAYCL_DEVICE` or,
+/// without this variable, the user's settings may name a device; commands then cast on the first usable device that
+/// matches this name. Without a name, commands cast on the most capable device; returns `None` if no device is usable.
 ///
 /// # Errors
 ///
-/// Fails if no usable device matches the user's settings.
+/// Fails if `RAYCL_DEVICE` or the user's settings name a device, but no usable device matches.
 pub fn usual_device_index(infos: &[DeviceInfo]) -> Result<Option<usize>> {
     one_device_index(infos, None, settings::device())
 }

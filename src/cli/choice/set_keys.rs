@@ -1,4 +1,4 @@
-//! The keys of `--set`: axes of the strategy, and keys of the scene.
+//! The keys of the option `--set` of `raycl render` and `raycl view`: axes of the strategy, and keys of the scene.
 
 use crate::cli::Cli;
 use crate::error::{Error, Result, meant};
@@ -12,9 +12,9 @@ pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
 }
 
-/// Returns an error if `key`, a key of `--set`, is the name of an option that both `render` and `view` have,
-/// such as `local_size`, and is not a key of a scene. The error's advice is the option with the value, such
-/// as `--local-size 8`.
+/// Returns an error if `key`, a key of `--set`, is the name of an option that both `render` and `view` have, such as
+/// `local_size`, and is not a key of a scene. The error's advice is the option, such as `--local-size 8`. The advice
+/// includes the value if the option takes a value.
 pub fn refuse_option(key: &str, value: &str) -> Result<()> {
     let (all, name) = (Cli::command(), key.replace('_', "-"));
     let of = |command: &str| {

@@ -93,12 +93,12 @@ fn no_strategy(text: &str) -> Error {
     )
 }
 
-/// Returns a strategy and its local size. `text` names the strategy, and `set` has the keys and values of the
-/// options `--set`. Without `text`, the function [`fastest`] chooses the strategy for a device with these
-/// `limits` and for `task` (the properties of the scene and the picture that matter for the choice). If `set`
-/// requests the watertight ray-triangle test, the chosen strategy has this test. Finally, each axis that
-/// `set` names gets its value in `set`. If the chosen strategy does not allow the values in `set`, the error
-/// advises the user to name another strategy.
+/// Returns a strategy and its local size. `text` names the strategy, and `set` has the keys and values of the options
+/// `--set`. Without `text`, the function [`fastest`] chooses the strategy for a device with these `limits` and for
+/// `task` (the properties of the scene and the picture that matter for the choice). If `set` requests the watertight
+/// ray-triangle test, the chosen strategy has this test. Finally, each axis that `set` names gets its value in `set`.
+/// If the strategy that [`fastest`] chose does not allow the values in `set`, the error's advice is to name another
+/// strategy or, if no preset allows these values, to change one of the values.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
