@@ -35,13 +35,13 @@ pub struct Args {
     /// times
     #[arg(long)]
     times: bool,
-    /// Exit with code 1 if a slowdown of more than PERCENT is statistically significant. raycl tests each
-    /// point, the mean of each strategy's points, and the mean of all points except baselines (ray casters
-    /// that do not use OpenCL). Also exit with code 1 if a point was measured in BEFORE but could not be
-    /// measured in AFTER. Points of which AFTER has no records are not tested; a note names them. Points whose
-    /// change is unknown (such as those with the verdict "cannot tell") are not tested either. If both folders
-    /// contain times of the same program, about one comparison in 50 exits with code 1 by chance (up to one in
-    /// 25 with two launches)
+    /// Exit with code 1 if it is statistically significant that AFTER is slower than BEFORE by more than
+    /// PERCENT. raycl tests each point, the mean of each strategy's points, and the mean of all points except
+    /// baselines (ray casters that do not use OpenCL). Also exit with code 1 if a point was measured in BEFORE
+    /// but could not be measured in AFTER. Points of which AFTER has no records are not tested; a note names up
+    /// to four of them. Points whose change is unknown (such as those with the verdict "cannot tell") are not
+    /// tested either. If both folders contain times of the same program, about one comparison in 50 exits with
+    /// code 1 by chance (up to one in 25 with two launches)
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots to this folder
@@ -70,8 +70,8 @@ pub(super) fn percent(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Compares two folders of results, and prints the comparison; with `--out`, also writes it into a folder. A folder
-/// without results is a user error, and so are folders without a measured point in common. With `--fail-on-regression`,
-/// also returns an error if there is a regression.
+/// without results is a user error. It is also a user error if no point was measured in both folders, and no point has
+/// different outcomes in the two folders. With `--fail-on-regression`, also returns an error if there is a regression.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out DIR");
     let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;
@@ -107,9 +107,9 @@ pub fn run(args: Args) -> Result<()> {
     refuse_regressions(&comparison, args.fail_on_regression, "", remedy(&comparison, &after.path))
 }
 
-/// Returns the advice of the error about regressions in the folder `after`. If points of this folder failed,
-/// the advice names the file that contains the reasons of the failures. If no point failed, the advice is to
-/// repeat both runs.
+/// Returns the advice of the error about regressions in the folder `after`. If points failed in this folder, but were
+/// measured in the first folder, the advice names the file that contains the reasons of the failures. If there are no
+/// such points, the advice is to repeat both runs.
 fn remedy(comparison: &Comparison, after: &Path) -> String {
     match comparison.broken.is_empty() {
         true => "repeat both runs, one after the other, to find out whether the programs differ or the machine was \
@@ -119,9 +119,9 @@ fn remedy(comparison: &Comparison, after: &Path) -> String {
     }
 }
 
-/// Returns an error that lists the regressions of more than `limit_percent`, if there are any. Returns no
-/// error if `limit_percent` is `None`. In the error's message, the text `between` stands between the number
-/// and the list of the regressions.
+/// Returns an error that lists the regressions, if there are any: slowdowns of more than `limit_percent`, and points
+/// that were measured in the first folder and failed in the second folder. Returns no error if `limit_percent` is
+/// `None`. In the error's message, the text `between` stands between the number and the list of the regressions.
 pub(super) fn refuse_regressions(
     comparison: &Comparison,
     limit_percent: Option<f64>,

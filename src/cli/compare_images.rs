@@ -56,7 +56,7 @@ struct Report {
     different_pixels: usize,
     pixels: usize,
     /// The largest absolute difference between the two pictures in one channel of one pixel; alpha is a
-    /// channel too. The values of 8-bit pictures are first divided by 255 (white). Null if the largest
+    /// channel too. In pictures with displayed values (.png, .jpg), white counts as 1. Null if the largest
     /// difference is not finite.
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
@@ -116,8 +116,8 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Returns a ratio that is below `limit`, rounded to two digits after the point, or to the fewest further digits with
-/// which the rounded ratio is also below `limit`.
+/// Formats `psnr`, a ratio below `limit`, with two digits after the point. If this rounding gives `limit` or more, uses
+/// as many more digits as are needed for a number below `limit`.
 fn below(psnr: f64, limit: f64) -> String {
     let is_below = |text: &String| text.parse::<f64>().is_ok_and(|shown| shown < limit);
     let mut rounded = (2..17_usize).map(|digits| format!("{psnr:.digits$}"));
@@ -199,7 +199,7 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
             largest = (worst, Some([index as u32 % found.width, index as u32 / found.width]));
         }
     }
-    // The peak of the signal-to-noise ratio is white (1) for 8-bit pictures. For radiance, the peak is the brightest
+    // The peak of the signal-to-noise ratio is white (1) for displayed values. For radiance, the peak is the brightest
     // channel of the expected picture, but at least 1.
     let peak = peak.max(1.0);
     let mean = squares / (channels * found.pixels.len().max(1) as f64);
@@ -234,7 +234,7 @@ fn text(report: &Report, values: [Values; 2]) -> String {
             };
             lines.push(format!("largest error     {error}    {of_white}at column {x}, row {y}"));
             lines.push(format!(
-                "relative error    {:8.2e}    largest of all pixels: error divided by the expected pixel's brightest channel",
+                "relative error    {:8.2e}    largest of all pixels: error divided by the expected pixel's brightest channel (at least by 1/255)",
                 report.largest_relative_difference
             ));
             let percent = 100.0 * report.different_pixels as f64 / report.pixels.max(1) as f64;
@@ -343,7 +343,7 @@ mod tests {
     fn the_peak_is_white_or_the_brightest_channel_of_the_expected_picture() {
         let flat = |value: f32| Radiance { pixels: vec![[0.0, value, 0.0]; 4], ..Radiance::new(2, 2) };
         let psnr = |found, expected| compare(&flat(found), &flat(expected), None).psnr_db;
-        // One of the pixel's three channels is wrong by 0.1, so the mean squared error is 0.01 / 3.
+        // In each pixel, one of the three channels is wrong by 0.1, so the mean squared error is 0.01 / 3.
         let of_peak = |peak: f64| 10.0 * (peak * peak * 300.0).log10();
         for (found, expected, peak) in [(0.6, 0.5, 1.0), (4.1, 4.0, 4.0), (4.0, 4.1, 4.1)] {
             let found = psnr(found, expected).unwrap_or_default();
@@ -373,7 +373,7 @@ mod tests {
             [
                 "PSNR 43.69 dB",
                 "largest error 0.20000 of white (51.0 of 255), at column 12, row 7",
-                "relative error 5.00e-1 largest of all pixels: error divided by the expected pixel's brightest channel",
+                "relative error 5.00e-1 largest of all pixels: error divided by the expected pixel's brightest channel (at least by 1/255)",
                 "different pixels 3 of 400 (0.75%)",
                 "differences d.png",
                 "note a remark",
