@@ -30,8 +30,8 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitStatus;
 
-/// The number of the first process of a system or a container. A signal for which a process has no handler
-/// may end any other process, but not the process with this number.
+/// The number of the first process of a system or a container. Unlike other processes, the first process is not ended
+/// by a signal, such as SIGTERM, for which it has no handler.
 const FIRST_PROCESS: u32 = 1;
 
 /// The remedy if a command that reads its scene from standard input cannot run again.
@@ -96,19 +96,20 @@ impl Guarded<'_> {
         self.streams.then_some(["frames may have been written to standard output already", FRAMES_AS_FILES])
     }
 
-    /// Returns true if the command may run a second time after a driver that had listed its devices seems to have
-    /// crashed. `raycl view` may not run a second time, for two reasons: the window may have crashed instead of the
-    /// driver, and if the user has seen the view end, the view must not begin again by itself.
-    /// A command that loads no stored programs would only crash again.
+    /// Returns true if the command may run a second time, with the same drivers, after a crash that seems to be a
+    /// driver's. `raycl view` may not run a second time, for two reasons: the window may have crashed instead of the
+    /// driver, and if the user has seen the view end, the view must not begin again by itself. A command that loads no
+    /// stored programs may not run a second time either, since it would only crash again.
     fn may_run_again(&self) -> bool {
         self.runs_once().is_none() && self.screen == Screen::None && self.loads_stored_programs
     }
 }
 
-/// Runs this process's command line in a child process; `command` describes this command line. If the child's exit code
-/// is 0, returns. If it is not 0, ends this process with the child's exit code. If a driver seems to have ended the
-/// child process, raycl runs the command line again without the drivers that fail. If no driver fails alone, raycl may
-/// run the command line again without the compiled programs in its cache ([`with_all_drivers`]).
+/// Runs this process's command line in a child process; `command` describes this command line. If a driver seems to
+/// have ended the child process, raycl runs the command line again, in a second child process without the drivers that
+/// fail. If no driver fails when it is loaded alone, raycl may run the command line again without the compiled programs
+/// in its cache ([`with_all_drivers`]). If the exit code of the last child process is 0, returns. Otherwise, ends this
+/// process with this exit code.
 ///
 /// # Errors
 ///
@@ -136,9 +137,9 @@ fn allocator(scene: Option<&Path>, has_own: bool, processors: usize) -> Option<S
 }
 
 /// Tries the drivers one by one. If some drivers fail, runs the command again without these drivers. If no driver
-/// fails, continues with [`with_all_drivers`]. Returns an error if every driver fails, if the command may run only
-/// once, or if a driver seems to have ended the second attempt too. Otherwise, returns the exit status of the second
-/// attempt. `status` is the exit status of the first attempt.
+/// fails, continues with [`with_all_drivers`]. Returns an error if every driver fails, if the command cannot run again,
+/// or if a driver seems to have ended the second attempt too. Otherwise, returns the exit status of the second attempt.
+/// `status` is the exit status of the first attempt.
 fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) -> Result<ExitStatus> {
     let mut good = Vec::new();
     let mut broken = Vec::new();
@@ -210,10 +211,10 @@ fn with_all_drivers(
     Err(if may_be_cache { or_clear_cache(error) } else { error })
 }
 
-/// Runs the command again in a new child process. The new process compiles its programs again and removes the
-/// stored programs from raycl's cache, since a stored program may have crashed the driver. Returns the exit
-/// status of the new process, or `None` if a driver seems to have ended the new process, too. If raycl cannot use the
-/// cache, returns `None` without running the command. `cause` says how the first process ended.
+/// Runs the command again in a new child process. The new process compiles the programs that it needs, and removes the
+/// stored versions of these programs from raycl's cache, since a stored program may have crashed the driver. Returns
+/// the exit status of the new process, or `None` if a driver seems to have ended the new process, too. If raycl cannot
+/// use the cache, returns `None` without running the command. `cause` says how the first process ended.
 fn ended_afresh(cause: &str, parent: &Parent) -> Result<Option<ExitStatus>> {
     if !Cache::of_user().is_usable() {
         return Ok(None);
@@ -327,7 +328,7 @@ mod tests {
         assert_eq!(allocator(Some(Path::new("-")), false, 3), Some(allocator_settings(3, 0)));
         assert_eq!(allocator(Some(file.path()), true, 3), None);
         assert_eq!(allocator(None, false, 3), None);
-        // The file's bytes are not stored: it is a hole.
+        // The file gets its length without being written, so its bytes take no space on the disk.
         let large = 1 << 30;
         file.as_file().set_len(large).expect("a file with a hole");
         assert_eq!(allocator(Some(file.path()), false, 3), Some(allocator_settings(3, large)));

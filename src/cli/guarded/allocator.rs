@@ -6,8 +6,8 @@
 /// [`allocator_settings`]; older versions do not know `hugetlb`. Other C libraries ignore the variable.
 pub const ALLOCATOR: &str = "GLIBC_TUNABLES";
 
-/// Number of bytes of a scene file from which raycl saves memory rather than time. An OBJ of this size has about
-/// seven million triangles.
+/// The size in bytes of a large scene file. For a scene file of this size or more, raycl saves memory rather than time.
+/// An OBJ of this size has about seven million triangles.
 const LARGE_BYTES: u64 = 256 << 20;
 
 /// Returns the value of [`ALLOCATOR`] for a machine with this number of processors, and a scene file of `bytes` bytes.
@@ -23,10 +23,10 @@ const LARGE_BYTES: u64 = 256 << 20;
 /// the allocation is freed. The heaps return free memory at their ends to the system if there is more of it than
 /// `trim_threshold`. For most scenes, both values are so large that the heaps keep their memory: memory that raycl used
 /// to read a mesh needs no new page faults when raycl builds the tree. The picture of a mesh of 200,000 triangles then
-/// takes a tenth less time. For scene files of [`LARGE_BYTES`] and more, `mmap_threshold` is small, and `trim_threshold`
-/// is glibc's: the picture of an OBJ of ten million triangles takes 50 to 70 MB less memory, and the same time. A
-/// large mesh takes up to 100 MB more memory if its scene file is small: a TOML that names or describes the mesh, a
-/// compressed mesh, or standard input.
+/// takes a tenth less time. For scene files of [`LARGE_BYTES`] and more, `mmap_threshold` is small, and
+/// `trim_threshold` is glibc's: the picture of an OBJ of ten million triangles takes 50 to 70 MB less memory, and the
+/// same time. A large mesh takes up to 100 MB more memory if its scene file is small: a TOML that names or describes
+/// the mesh, a compressed mesh, or standard input.
 pub fn allocator_settings(processors: usize, bytes: u64) -> String {
     let keeps: &[&str] = if bytes < LARGE_BYTES {
         &["mmap_threshold=33554432", "trim_threshold=33554432"]

@@ -28,8 +28,8 @@ pub fn crash(status: ExitStatus) -> Option<(i32, &'static str)> {
     signal(status).filter(|(_, name)| CRASHES.contains(name))
 }
 
-/// Signals that result from a fault of the process itself. Other signals, such as SIGTERM, come from outside the
-/// process, so they are not the driver's fault.
+/// Signals that result from a fault of the process itself, so a driver may be the cause. Most other signals, such as
+/// SIGTERM, come from outside the process.
 const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
 
 /// Returns the number and the name of the signal that ended a process; `None` if no signal ended it.

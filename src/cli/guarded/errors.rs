@@ -97,10 +97,10 @@ fn window_or(advice: &str) -> String {
     format!("{WINDOW}; if the window opened, {advice}")
 }
 
-/// Returns the advice for the user if each driver in `drivers` lists its devices when it is loaded alone.
-/// `full_disk` is the advice about a full disk, given if the disk with PoCL's folder for compiled kernels is
-/// full. A full disk disturbs no other driver than PoCL, so this advice is left out if PoCL is not among the
-/// drivers.
+/// Returns the advice for the user if each driver in `drivers` lists its devices when it is loaded alone. `full_disk`
+/// is the advice about PoCL's folder for compiled kernels. It is given if the folder's disk is full, or is mounted with
+/// the option noexec, so that no kernel in the folder can run. Only PoCL uses this folder, so the advice is left out if
+/// PoCL is not among the drivers.
 fn advice_for(drivers: &[Driver], full_disk: Option<String>) -> String {
     let of_pocl = full_disk.filter(|_| drivers.iter().any(Driver::is_pocl));
     of_pocl.into_iter().chain([otherwise(address_space_limit())]).collect::<Vec<_>>().join("; or ")
@@ -138,7 +138,7 @@ pub fn not_started(error: &std::io::Error) -> Error {
 
 #[cfg(unix)]
 pub fn not_handled(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("the signals that end processes cannot be handled: {error}"))
+    Error::run(format!("raycl could not install handlers of signals such as SIGTERM: {error}"))
 }
 
 #[cfg(unix)]

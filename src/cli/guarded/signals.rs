@@ -15,7 +15,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Builder;
 
-/// The signals with which a user, a shell or the system ends processes.
+/// The signals, except SIGKILL, with which a user, a shell or the system usually ends processes. (No process can handle
+/// SIGKILL.)
 const ENDING: [i32; 4] = [SIGHUP, SIGINT, SIGQUIT, SIGTERM];
 
 /// This process, which runs the command in child processes, one after another.
@@ -78,8 +79,8 @@ impl Parent {
 
 /// Sets handlers of the signals in [`ENDING`]. The returned flag is true at first. While it is true, each signal in
 /// [`ENDING`] ends this process. The first process of a container then exits with the code 128 plus the signal's
-/// number, since signals cannot end this first process as they end other processes. The system ends all other processes
-/// of the container.
+/// number, since signals cannot end this first process as they end other processes. When the first process exits, the
+/// system ends all other processes of the container.
 fn handled() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(true));
     for signal in ENDING {
