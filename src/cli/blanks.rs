@@ -1,7 +1,6 @@
-//! Recognises values that a shell split or cut: a strategy or a value of `--set` that the user wrote with blanks, such
-//! as `--strategy deferred, width=4`; a value after a blank if the option needs `=`; and a colour that begins with `#`,
-//! which a shell takes for the beginning of a comment. Clap (the library that parses the arguments) does not expect the
-//! words after a blank.
+//! Adds advice to errors of clap (the library that parses the arguments) in three cases: the user wrote a strategy or a
+//! value of `--set` with blanks, such as `--strategy deferred, width=4`; the user wrote a blank after an option that
+//! needs `=`; or a shell took a colour for a comment, because the colour begins with `#` and is not in quotes.
 
 use super::Cli;
 use super::guesses::with_tip;

@@ -153,9 +153,9 @@ fn written(out: Option<&Path>, as_json: bool, made: usize) -> Option<String> {
     out.filter(|_| !as_json && made > 0).map(|out| format!("Written to {}", out.display()))
 }
 
-/// Returns the line which says that the strategy's folder has files of another program, or of a program for another
-/// device, which are now replaced. Returns `None` if the folder has no such files, or if its `made.json` cannot be
-/// read. The strategy's folder is a subfolder of `out`, and must not contain the new program's files yet.
+/// Returns the line which says that the new files replace files of another program, or of a program for another device,
+/// in the strategy's folder. Returns `None` if the folder has no such files, or if its `made.json` cannot be read. The
+/// strategy's folder is a subfolder of `out`, and must not contain the new program's files yet.
 fn replaced(out: &Path, strategy: &str, made: &Compilation) -> Option<String> {
     let folder = out.join(folder_name(strategy));
     let earlier = existing::bytes(&folder.join("made.json")).ok()??;
@@ -255,8 +255,8 @@ fn compile(
     Ok((made, files))
 }
 
-/// Returns false if the strategy needs `__local` memory (`needed_bytes` bytes), but the driver reports 0 bytes for
-/// every kernel. Some versions of PoCL, such as 6.0, report 0 bytes for every kernel.
+/// Returns false if the strategy needs `__local` memory (`needed_bytes` bytes), but the driver reports 0 bytes, or no
+/// number, for every kernel. Some versions of PoCL, such as 6.0, report 0 bytes for every kernel.
 fn reports_local(kernels: &[CompiledKernel], needed_bytes: u64) -> bool {
     needed_bytes == 0 || kernels.iter().any(|kernel| kernel.group_local_bytes() > 0)
 }

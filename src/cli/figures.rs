@@ -18,7 +18,7 @@ pub struct Args {
 }
 
 /// Updates or checks the numbers in raycl's documents. A check fails if a document differs from the records.
-/// An update fails only if documents still differ from the records after raycl has rewritten the numbers.
+/// An update fails if a document has a mistake that raycl cannot correct, such as a number without a record.
 pub fn run(args: Args) -> Result<()> {
     let documents = Documents::read(&args.root)?;
     let left = if args.check {

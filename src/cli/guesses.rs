@@ -1,6 +1,6 @@
-//! Replaces the guesses of clap (the library that parses the arguments) that do not help: names of hidden commands,
-//! and `--` before a word that is no value. If a file stands in place of a command, the error suggests the command
-//! that reads this file.
+//! Removes guesses of clap (the library that parses the arguments) that do not help: names of hidden commands, and `--`
+//! before a word that is hardly meant as a value. If a file stands in place of a command, the error suggests the
+//! command that reads this file.
 
 use super::Cli;
 use crate::filetype::experiment_instead;
@@ -12,7 +12,8 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Returns clap's error for the arguments `words`, with raycl's guesses in place of clap's.
+/// Returns clap's error for the arguments `words` without guesses that do not help. If a file stands in place of a
+/// command, the error suggests the command that reads this file.
 pub fn explain(error: clap::Error, words: &[OsString]) -> clap::Error {
     match error.kind() {
         ErrorKind::InvalidSubcommand => without_hidden_commands(with_command_of_file(error, words)),
@@ -73,8 +74,8 @@ fn without_hidden_commands(mut error: clap::Error) -> clap::Error {
     error
 }
 
-/// Returns the error without clap's advice to put `--` before an unknown option: no command takes such a word as a
-/// value.
+/// Returns the error without clap's advice to put `--` before an unknown option. With `--`, the option would count as a
+/// value, such as the path of a scene, but hardly any user means this.
 fn without_double_dash(mut error: clap::Error) -> clap::Error {
     let has_dashes = match error.get(ContextKind::Suggested) {
         Some(ContextValue::StyledStrs(tips)) => tips.iter().any(|tip| tip.to_string().contains("use '-- ")),
