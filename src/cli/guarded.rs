@@ -153,8 +153,8 @@ fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) ->
         return with_all_drivers(status, command, parent, &good);
     }
     let cause = drivers_doing(status).unwrap_or_default();
-    // A process that writes frames to a stream ends with `HUNG` only while it waits for a driver before the first frame,
-    // so the stream is still empty.
+    // A process that writes frames to a stream ends with `HUNG` only while it waits for a driver before the first
+    // frame, so the stream is still empty.
     let stream_is_empty = !command.reads_standard_input && status.code() == Some(HUNG);
     let runs_once = command.runs_once().filter(|_| !stream_is_empty);
     let what = if runs_once.is_some() { "fails" } else { "is left out of the drivers that raycl loads" };
