@@ -49,7 +49,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
                 if (!intersect(&probe, working_get(working, RAY_ORIGIN), working_get(working, RAY_DIRECTION), row,
                                nearest->t, &hit))
                     continue;
-                // Lanes that are not in `wanted` (outside the image) take part in the traversal, but store no hit.
+                // The rays of all lanes are tested, but lanes that are not in `wanted` store no hit.
                 const Mask nearer = wanted & SOLID(&scene->textures, leaf_triangle(&scene->tree, index), hit);
                 if (!ANY(nearer)) continue;
                 const int triangle = leaf_triangle(&scene->tree, index);

@@ -61,8 +61,8 @@ static BoxLanes pass_sides(const __global float *sides, float origin, float per_
     return (*(const __global BoxLanes *)sides - origin) * per_direction;
 }
 
-// Pushes onto the stack those children of a node whose boxes the ray enters before t = `reach`. The nearest child is on
-// top of the stack. Returns the new number of the stack's entries.
+// Pushes onto the stack those children of a node whose boxes the ray enters before t = `reach`. The nearest of these
+// children is pushed to the top of the stack. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, float reach, Waiting *stack, int waiting) {
     const Vec3 o = probe->origin, per = probe->per_direction;
     const int below = waiting;
@@ -112,7 +112,7 @@ static float least_of(varying values, Mask mask) {
 }
 
 // Pushes onto the stack those children of a node whose boxes at least one ray enters before t = `reach` of this ray.
-// The nearest child is on top of the stack. Returns the new number of the stack's entries.
+// The nearest of these children is pushed to the top of the stack. Returns the new number of the stack's entries.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {

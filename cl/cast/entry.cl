@@ -11,7 +11,7 @@
 #include "cast/parts.cl"
 
 #if FUSED
-// Casts primary rays, shades their hits, and casts shadow rays. The host makes the parameters (common/work_group.cl).
+// Casts primary rays, shades their hits, and casts shadow rays. (CAST_FRAME_PARAMETERS: see common/work_group.cl.)
 __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = CAST_PIXELS;

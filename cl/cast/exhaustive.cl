@@ -1,6 +1,6 @@
-// Every primary ray is tested against every triangle. Shadow rays are tested against one triangle after another, until
-// all shadow rays of the work-item are blocked. A program includes this file twice. The file defines any_hit if ANY_HIT
-// is 1, and closest_hit if ANY_HIT is 0.
+// Every primary ray is tested against every triangle. A work-item tests its shadow rays to a light against one triangle
+// after another, until all these rays are blocked. A program includes this file twice. The file defines any_hit if
+// ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
 //
 // The work-items of a warp test the same triangle at the same time, so that one load serves all of them. A ray is read
 // from the working vectors at each test, as in the kernel of the student paper; the strategy chooses the memory of the
@@ -8,14 +8,14 @@
 // shadow ray runs from the light to P, because the planes of the edges were computed for rays that start at the light.
 //
 // If triangles are streamed through __local memory in tiles, the loop over a tile is unrolled by 8 or, with
-// PLANES_OF_ORIGIN, by 4. On a GPU, unrolling by 8 makes casting 7% faster than the compiler's choice, unrolling by 4.
-// With PLANES_OF_ORIGIN, unrolling by 4 makes casting 5% faster than unrolling by 8, by 2, or as the compiler chooses.
+// PLANES_OF_ORIGIN, by 4. On a GPU, the compiler by itself unrolls by 4; unrolling by 8 makes casting 7% faster. With
+// PLANES_OF_ORIGIN, unrolling by 4 makes casting 5% faster than unrolling by 8, by 2, or by the compiler's own choice.
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything at a distance less than t_max from its start. Without
-// PLANES_OF_ORIGIN, the ray runs in the direction TO_LIGHT. The ray starts at the distance `bias` from the working
-// vector POINT, so that the triangle at POINT does not shadow itself. `open` contains the lanes that have hit nothing
-// yet: a lane is finished at its first hit on any triangle.
+// PLANES_OF_ORIGIN, the ray runs in the direction TO_LIGHT, and starts at the distance `bias` from the working vector
+// POINT, so that the triangle at POINT does not shadow itself. `open` contains the lanes that have hit nothing yet: a
+// lane is finished at its first hit on any triangle.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
     Mask open = wanted;
@@ -63,7 +63,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #endif
             if (!intersect(&probe, from, direction, row, t_max, &hit)) continue;
 #if PLANES_OF_ORIGIN
-            // A hit computed from a distant light has lost its last digits, so holes are looked up at a hit from P.
+            // Seen from a distant light, a hit is inexact. To look up holes, the hit is computed again, as seen from P.
             open &= !SOLID_ON_RAYS(&scene->textures, first + k, corners(&scene->geometry, first + k),
                                    working_get(working, POINT), to_light, hit.lanes);
 #else

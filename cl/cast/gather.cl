@@ -20,8 +20,8 @@ void gather_corners(const Geometry *geometry, int triangle, int lane, Lanes *col
     column[6].each[lane] = own.c.x, column[7].each[lane] = own.c.y, column[8].each[lane] = own.c.z;
 }
 
-// Moves each lane's hit on the lane's triangle onto the smooth surface (smooth_shadows.cl). The points of lanes whose
-// triangle is NO_HIT have no meaning.
+// Moves each lane's hit from the lane's triangle to the smooth surface above the triangle (smooth_shadows.cl). The
+// points of lanes whose triangle is NO_HIT have no meaning.
 void move_hits(const Geometry *geometry, varying_int triangle, const Surface *surface, Vec3 weights, Vec3 *point) {
     Lanes column[9];
     IntLanes id;

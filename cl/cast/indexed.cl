@@ -1,5 +1,5 @@
-// The layout of OBJ files: a set of positions, a set of normals, three indices per triangle into each set, and one
-// material per triangle. Indices have INDEX_BITS bits.
+// The layout of OBJ files: a set of positions, a set of normals, and a set of materials. Each triangle has the indices
+// of three positions, three normals and one material. Indices have INDEX_BITS bits.
 
 #if !defined(INDEX_BITS) || !defined(POSITIONS) || !defined(NORMALS) || !defined(MATERIALS)
 #error "INDEX_BITS: 16 or 32; POSITIONS, NORMALS, MATERIALS: number of entries of a set that a work-group copies to __local memory, else 0"

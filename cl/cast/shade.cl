@@ -81,8 +81,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, TRIANGL
 #endif
             lit &= !any_hit(working, scene, 1 + light, end, lit);
 #endif
-        // TO_EYE is set inside the loop, although its value is always the same. If TO_EYE is set before the loop, one
-        // compiler stores TO_EYE only after the barriers in any_hit, and from another work-item's register.
+        // TO_EYE is set inside the loop, although its value is the same for all lights. If TO_EYE is set before the
+        // loop, one compiler moves the store behind the barriers in any_hit, and then stores another work-item's value.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
         const varying spread = share / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));

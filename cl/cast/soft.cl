@@ -2,7 +2,7 @@
 
 #if PLANES_OF_ORIGIN
 // Returns the lanes of `wanted` whose ray is blocked before t_max, like any_hit. Planes prepared for an origin are of
-// no use for rays without a common origin. Each ray is tested against the corners of one triangle after another.
+// no use for rays without a common origin. Each triangle is therefore tested by its corners (is_stopped_by).
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
@@ -21,8 +21,8 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
 
 #if SKY
 // Adds the sky's light to the working vector RADIANCE of `active` lanes. Each lane casts one ray. The probability
-// density of the ray's direction is proportional to the direction's cosine with the normal. With this density, the
-// estimate of the reflected light is the sky's radiance in the ray's direction times k_L (surface->lambertian).
+// density of the ray's direction is proportional to the direction's cosine with the normal. Because of this density, a
+// ray that nothing blocks adds the sky's radiance in the ray's direction, times k_L (surface->lambertian).
 void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);

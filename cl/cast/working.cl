@@ -1,4 +1,4 @@
-// The numbers of a ray's nine working vectors, each of 12 bytes (in the student paper that raycl reproduces: arrays).
+// The indices of a ray's nine working vectors of 12 bytes each. In the paper's program, the vectors are arrays.
 
 #ifndef WORKING_VECTORS
 #error "WORKING_VECTORS: number of working vectors of a ray"

@@ -3,7 +3,7 @@
 //
 //     position (3) | power (3) | 4 x unit normal of the front (3) | edge (3) | other edge (3) | shape
 //
-// A disc's shape is AREA_DISC, a rectangle's any other number but 0. The f64 code is in src/reference/{soft,shade}.rs.
+// A disc's shape is AREA_DISC, a rectangle's any other number but 0. Area lights in f64: src/reference/{soft,shade}.rs.
 
 #ifndef AREA_DISC
 #error "AREA_DISC: the number of the shape of discs"

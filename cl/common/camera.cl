@@ -1,6 +1,6 @@
 // The pixels and rays of a work-item. The ray through the point (x, y) of the image, in pixels, starts at eye.xyz in
-// the direction corner + x * step_x + y * step_y (from src/scene/camera.rs). This direction has depth 1 (its component
-// along the view direction). Pixel centres lie at half-integers. eye.w is z_near: hits up to this depth are ignored.
+// the direction corner + x * step_x + y * step_y (from src/scene/camera.rs). The direction's depth, its component along
+// the view direction, is 1. Pixel centres lie at half-integers. eye.w is z_near: hits up to this depth are ignored.
 
 #ifndef CAMERA_PARAMETERS
 #error "CAMERA_PARAMETERS: the parameters eye, corner, step_x and step_y of kernels, with their types"

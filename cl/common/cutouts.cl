@@ -13,9 +13,9 @@
 //
 // The least alpha is stored in units of 1 / LEAST_ALPHA_UNIT of a step of an 8-bit alpha; 65535 stands for 1.
 //
-// A mask is always read at level 0, the texture itself. In higher mip levels, a texel's alpha is the mean over many
-// texels. Distant foliage would grow where the mean alpha is above the least alpha in a whole region, and would vanish
-// where the mean alpha is below.
+// A mask is always read at level 0, the texture itself. In a higher mip level, a texel's alpha is the mean over many
+// texels. With such a level, a region of distant foliage would lose all its holes if the region's mean alpha is above
+// the least alpha, and would vanish if the mean alpha is below.
 
 // Returns 1 if a triangle is solid at one of its points, and 0 if it has a hole there. w1 and w2 are the point's
 // barycentric weights of the second and third corner.

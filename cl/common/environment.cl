@@ -52,10 +52,10 @@ static Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
     return along(scale(above, 1.0f - to_bottom), to_bottom, underneath);
 }
 
-// `vector` is given in coordinates whose third axis is the scene's direction (0.36, 0.48, 0.8), `axis`. Returns
-// `vector` in the scene's coordinates, after the shortest rotation that turns `axis` to the normal. If the normal is
-// opposite to `axis`, the shortest rotation is undefined. Few surfaces have such a normal, since `axis` is oblique to
-// all three coordinate axes.
+// Let `axis` be the direction (0.36, 0.48, 0.8) of the scene. `vector` is given in coordinates whose third axis is
+// `axis`. Returns `vector` in the scene's coordinates, after the shortest rotation that turns `axis` to the normal. If
+// the normal is opposite to `axis`, the shortest rotation is undefined. Few surfaces have such a normal, since `axis`
+// is oblique to all three coordinate axes of the scene.
 Vec3 turned_to(Vec3 normal, Vec3 vector) {
     const Vec3 axis = splat(uniform3(0.36f, 0.48f, 0.8f)), across = splat(uniform3(0.8f, -0.6f, 0.0f));
     const Vec3 down = splat(uniform3(0.48f, 0.64f, -0.6f));
@@ -66,10 +66,10 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
 }
 
 // Estimates the radiance that a surface's highlight reflects from the picture of the sky to the eye, as if nothing
-// blocked the sky. A half vector h is chosen with the density (s + 1) / (2 pi) (n . h)^s (n: normal, s: shininess). The
-// direction to the eye, w_o, mirrored at h is w_i. Its density is that of h, divided by 4 w_o . h. The highlight
-// k_G (s + 8) / (8 pi) (n . h)^s, times n . w_i, divided by the density of w_i, is k_G (s + 8) / (s + 1) (w_o . h)
-// (n . w_i), with k_G = surface->glossy. The estimate is this product, times the radiance from the direction w_i.
+// blocked the sky. A half vector h is chosen with the density (s + 1) / (2 pi) (n . h)^s (n: normal, s: shininess). Let
+// w_o be the direction to the eye, and w_i this direction mirrored at h. The density of w_i is that of h, divided by
+// 4 w_o . h. The highlight k_G (s + 8) / (8 pi) (n . h)^s, times n . w_i, divided by the density of w_i, is k_G (s + 8)
+// / (s + 1) (w_o . h) (n . w_i), with k_G = surface->glossy. The estimate is this, times the radiance from w_i.
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);

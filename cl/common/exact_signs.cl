@@ -1,5 +1,5 @@
-// Included before ray-triangle tests that need exact signs. The pragma forbids fma in later code. With fma, which
-// rounds only one product of a b - c d, the values of a b - c d and c d - a b may differ in more than the sign.
+// Included before ray-triangle tests that need exact signs. The pragma forbids contraction to fma in later code. With
+// fma, which rounds only one product of a b - c d, the values of a b - c d and c d - a b may differ in more than sign.
 
 #ifndef FAST_MATH
 #error "FAST_MATH: 0 or 1: whether math = fast"

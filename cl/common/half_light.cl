@@ -4,7 +4,7 @@
 // The kernel apply_half_light then multiplies the unoccluded light of the picture of full size, which has no noise, by
 // the ratio (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018). The
 // half pictures and the full picture contain emitted light. Where a surface only emits light, the half pictures are
-// equal: the ratio, 1, changes no emitted light. src/reference/half_light.rs has both kernels' computations in f64.
+// equal, so the ratio is 1, and changes nothing. src/reference/half_light.rs has both kernels' computations in f64.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -33,7 +33,7 @@ INLINED_ROWS Vec3 scaled_light(Vec3 light, varying factor) {
 
 // Returns the weight of a pixel in the filtered value of another pixel. `a` and `b` are the unoccluded light of the two
 // pixels, both multiplied by the light_scale of one of them. The weight is large if a and b are nearly equal. The
-// weight is 0 if a and b differ much, as for most pixels on different surfaces or sides of an edge.
+// weight is 0 if a and b differ much, as they usually do on different surfaces, or on different sides of an edge.
 INLINED_ROWS varying likeness(Vec3 a, Vec3 b) {
     const Vec3 apart = subtract(a, b), both = add(a, b);
     const varying near = max(dot3(both, both) - (float)HALF_LIGHT_SHARPNESS * dot3(apart, apart), (varying)(0.0f));
@@ -50,8 +50,8 @@ INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
 //
 // Neighbouring pixels use different points of lights and different directions to the sky, which repeat after 4 pixels
 // (soft.cl). Across and down, the filter covers five pixels, of which the first and the last use the same points and
-// directions. The weights give each of the four choices of points and directions the same total weight, so that no
-// noise is left where all pixels are alike (Keller and Heidrich, "Interleaved Sampling", EGWR 2001):
+// directions. In a row or a column, each of the four choices of points and directions gets the same total weight, so
+// that no noise is left where all pixels are alike (Keller and Heidrich, "Interleaved Sampling", EGWR 2001):
 //
 //     pixel    -2  -1   0   1   2
 //     choice    2   3   0   1   2
@@ -75,8 +75,8 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
             arrives = along(arrives, weight, lit);
             all = along(all, weight, there.colour);
         }
-    // A colour channel without unoccluded light has no ratio of arriving to unoccluded light: it gets the ratio of the
-    // sums over all three channels. If no channel has unoccluded light, all ratios are 1.
+    // In a colour channel without unoccluded light, the ratio would be 0 / 0. This channel gets the ratio of the sums
+    // over all three channels. If no channel has unoccluded light, all ratios are 1.
     const varying mean = part_of(arrives.x + arrives.y + arrives.z, all.x + all.y + all.z, (varying)(1.0f));
     const Vec3 ratio =
         vec3(part_of(arrives.x, all.x, mean), part_of(arrives.y, all.y, mean), part_of(arrives.z, all.z, mean));

@@ -21,15 +21,15 @@
 // pixels of a terrain are correct. With half of SHARED_EDGE_SLACK, up to four of the 60,516 rays slip through in
 // exhaustive casting. With twice SHARED_EDGE_SLACK, at most one of the 16 million pixels is wrongly dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
-// The overlap at an edge is computed from the longer of two edges of the triangle, but from at most OVERLAP_EDGES times
-// the edge's own size (in common/planes_of_origin.cl: the shortest edge's size). Without this limit, the overlap at the
-// short edge of a needle (a triangle of two long edges and a short one) could lengthen the needle by several pixels.
+// The overlap at an edge is proportional to the longer of two edges of the triangle, or to OVERLAP_EDGES times the
+// edge's own size (in common/planes_of_origin.cl: the shortest edge's size) if that is less. Without this limit, the
+// overlap at the short edge of a needle (a triangle with two long edges) could lengthen the needle by several pixels.
 #define OVERLAP_EDGES 8.0f
 // A triangle seen almost edge-on can look narrower than its overlap with its neighbours. Such a triangle is not hit:
 // the neighbours overlap the whole triangle, and the triangle's own overlap could lengthen it several times. `distance`
 // is the size (1-norm) of a corner relative to the rays' origin. `longer` is the size of the longer of the corner's two
-// edges. All points of the triangle are therefore at least `distance - longer` away from the origin. The triangle is
-// hit only if the absolute value of the determinant of the corner and its two edges is larger than LEAST_VISIBLE.
+// edges. In the 1-norm, all points of the triangle are at least `distance - longer` away from the origin. A triangle is
+// hit only if |determinant of the corner and its two edges| > LEAST_VISIBLE (in tile_gpu/: > LEAST_VISIBLE / 2).
 #define LEAST_VISIBLE(distance, longer) \
     (SHARED_EDGE_SLACK * (distance) * max((distance) - (longer), 0.0f) * (longer))
 

@@ -7,12 +7,12 @@
 // these numbers nearly cancel. Only hits with |sum| <= NEAR_START * (sum of |numbers|) need starts_in_plane.
 #define NEAR_START 0.01f
 
-// Returns the lanes in which the sum of three numbers is at most `part` of the sum of their absolute values.
+// Returns the lanes in which |the sum of three numbers| is at most `part` times the sum of their absolute values.
 static Mask cancels(varying x, varying y, varying z, float part) {
     return fabs(x + y + z) <= part * (fabs(x) + fabs(y) + fabs(z));
 }
 
-// Returns the normal of a triangle with these corners, of any length.
+// Returns a normal of the triangle with the corners a, b and c. The normal's length is not 1.
 static Uniform3 normal_of(Uniform3 a, Uniform3 b, Uniform3 c) {
     return uniform_cross(uniform_difference(b, a), uniform_difference(c, a));
 }

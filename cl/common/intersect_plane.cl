@@ -5,7 +5,7 @@
 // rounding can give arbitrary weights. The weights are therefore clamped to the triangle, so that the hit stays on the
 // triangle, and its normal stays between the corners' normals.
 static Hit intersect_plane(Vec3 v0, Vec3 e1, Vec3 e2, Vec3 origin, Vec3 direction) {
-    // Moeller and Trumbore's solution of origin + t direction = v0 + w1 e1 + w2 e2, by Cramer's rule.
+    // w1 and w2 solve origin + t direction = v0 + w1 e1 + w2 e2 by Cramer's rule; t follows from the clamped weights.
     const Vec3 s = subtract(origin, v0);
     const Vec3 q = cross3(direction, e2);
     const Vec3 r = cross3(s, e1);

@@ -14,9 +14,9 @@
 #error "LANE_OPERATIONS: one of LANES_BY_*"
 #endif
 
-// Functions marked with INLINED are always inlined, so that their arguments stay in registers, even arguments that are
-// passed by pointer. With LANES_BY_BARRIERS, the compiler decides whether to inline. (The simulator Oclgrind uses
-// LANES_BY_BARRIERS, and Oclgrind's compiler cannot inline functions marked with INLINED.)
+// Except with LANES_BY_BARRIERS, compilers inline every function marked with INLINED, so that its arguments stay in
+// registers, even arguments that are passed by pointer. With LANES_BY_BARRIERS, the compiler decides whether to inline.
+// (The simulator Oclgrind uses LANES_BY_BARRIERS, and its compiler cannot inline functions.)
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
 #define INLINED
 #else

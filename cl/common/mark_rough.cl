@@ -61,9 +61,9 @@ float steps_between_neighbours(const __global float4 *means, int2 image_size, in
     return largest_channel(most_apart);
 }
 
-// Returns 1 if pixels that differ by `steps` (of 255) after `first` samples per pixel differ visibly, else 0. The grain
-// of several samples is finer than that of one sample, by the factor sqrt(first), so that smaller differences count:
-// those above ROUGH_STEPS / sqrt(first). Squares are compared, so that no root is rounded.
+// Returns 1 if a difference of `steps` (of 255) between pixels is visible after `first` samples per pixel, else 0. The
+// grain of `first` samples is weaker than that of one sample, by the factor sqrt(first). Differences therefore count if
+// they are above ROUGH_STEPS / sqrt(first). Squares are compared, so that no root is rounded.
 static int is_visible(float steps, uint first) { return first * steps * steps > ROUGH_STEPS * ROUGH_STEPS; }
 
 // Sets a block's number of samples to `most` if the block is rough (neighbouring pixels differ visibly, even if only in

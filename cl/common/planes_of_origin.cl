@@ -41,7 +41,7 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     // `height` is six times the signed volume of the tetrahedron that the origin and the triangle form. If `height` is
     // near zero, the origin lies nearly in the triangle's plane. A ray that hits the triangle at the distance t has the
     // determinant height / t. All rays miss if this determinant is no larger than its rounding error even at the
-    // distance `nearest` (all points of the triangle are at least as far away), or if |height| is at most
+    // distance `nearest` (in the 1-norm, no point of the triangle is nearer), or if |height| is at most
     // LEAST_VISIBLE. The rounding error's bound contains `nearest`, not `distance`: the first corner may be far away.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), longer = max(size1, size2);
@@ -54,8 +54,8 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
 
     const float slack = SHARED_EDGE_SLACK * distance;
     const Uniform3 e3 = uniform_difference(corners.b, corners.c);
-    // All three planes are oriented so that edge functions are positive inside, on whichever side the origin is. All
-    // are multiplied by the same factor `by`, so that edge functions divided by their sum are a hit's barycentric weights.
+    // All three planes are oriented so that edge functions are positive inside, on whichever side the origin is. They
+    // are multiplied by one factor, `by`, so that edge functions divided by their sum are a hit's barycentric weights.
     const float shortest = min(min(size1, size2), uniform_size(e3));
     const float by = copysign(per_overlap(slack, shortest, longer), height);
     // 1 / t = d . n / height (n is the normal) is linear in the direction d, like the edge functions.

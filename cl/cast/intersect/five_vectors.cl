@@ -13,7 +13,7 @@
 // 0. (With a constant index, NVIDIA's compiler keeps even volatile arrays in registers.) On a GPU, the arrays are in
 // the work-item's private memory, which is off the chip. Most misses are found after 15 operations: 6 for direction x
 // e2, 3 for the determinant a, 3 for origin - v0, and 3 for the first weight. The 6 operations for the triangle's edges
-// e1 and e2 are not counted.
+// e1 and e2, and the division by a, are not counted.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 
@@ -28,7 +28,7 @@ static Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// Returns a triangle's row (the data that the test reads): its three corners. Each test computes the triangle's edges.
+// Returns a triangle's row (the data that the test reads): its three corners. `intersect` computes the edges each time.
 static Row row_of(Corners corners) {
     Row row;
     const Uniform3 corner[3] = { corners.a, corners.b, corners.c };

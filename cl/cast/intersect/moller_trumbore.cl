@@ -36,11 +36,11 @@ static Probe prepare_probe(varying t_min, Vec3 direction) {
 #endif
 
 // Returns a triangle's row. A barycentric weight may be below 0 or above 1 by its *slack*, a bound of its rounding
-// error. Rays then hardly ever slip through between two triangles (no ray does with the watertight test). A weight's
-// slack grows with the ray origin's distance from the corner, and with the edge in the weight's cross product. If a
-// triangle is seen nearly edge-on, it is not hit, since perhaps no digit of the determinant `a` is correct. With
-// PAPER_EPSILONS, the slacks of weights and the limit of `a` are the paper's constants. Without, a weight's slack is
-// proportional to one edge's size (its 1-norm), and the limit of `a` to the product of both edges' sizes.
+// error. Rays then hardly ever slip through between two triangles (no ray does with the watertight test). If a triangle
+// is seen nearly edge-on, it is not hit, since perhaps no digit of the determinant `a` is correct. With PAPER_EPSILONS,
+// the slacks of weights and the limit of `a` are the paper's constants. Without, a weight's slack is proportional to
+// the distance between the ray's origin and the corner, and to the size (1-norm) of the edge in the weight's cross
+// product. The limit of `a` is then proportional to the product of both edges' sizes.
 static Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;

@@ -16,8 +16,8 @@
 #include "common/in_plane.cl"
 
 // x, y and z are the rows of each lane's matrix, which shears space so that the ray runs along +z. A ray's dominant
-// axis is the axis of its direction's largest component; the matrix turns this axis into z. Lanes may have different
-// dominant axes. The test is watertight for every shear that depends only on the ray.
+// axis is the axis along which its direction has the largest absolute component; the matrix turns this axis into z.
+// Lanes may have different dominant axes. The test is watertight for every shear that depends only on the ray.
 typedef struct {
     varying t_min;
     Vec3 x, y, z;
@@ -25,11 +25,11 @@ typedef struct {
 
 // Let d be the direction, k its dominant axis, k+1 and k+2 the next axes in cyclic order, and e_i the unit vector along
 // axis i. The rows of the shear matrix are e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - d_(k+2)/d_k e_k, and e_k / d_k. The
-// rows for all three axes are computed, and each lane selects those of its dominant axis. A branch would save nothing:
-// lanes may have different dominant axes, so a vector of rays would execute every path.
+// rows for all three axes are computed, and each lane selects those of its dominant axis. A branch would save little:
+// where lanes have different dominant axes, a vector of rays would execute several paths.
 static Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
-    // The axis of the largest component becomes z: dividing by a small component would make the shear large.
+    // The axis of the largest absolute component becomes z: dividing by a small component would make the shear large.
     const Mask along_x = (size.x >= size.y) & (size.x >= size.z);
     const Mask along_y = !along_x & (size.y >= size.z);
     const varying zero = (varying)(0.0f);

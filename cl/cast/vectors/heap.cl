@@ -27,7 +27,7 @@ static uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint
     return at + count <= heap_size ? at : 0;
 }
 
-// The pointers are volatile, as in working_in_memory.cl, so that compilers do not keep the vectors in registers.
+// The vectors are volatile, as in working_in_memory.cl, so that compilers do not keep them in registers.
 static Vec3 working_get(const Working *working, int which) {
     volatile __global varying *at = working->vector[which];
     return vec3(at[0], at[1], at[2]);
