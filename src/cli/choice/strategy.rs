@@ -48,7 +48,7 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
         let is_same =
             |other: &&&str| other.split_once('=').is_some_and(|(name, _)| name.trim() == axis.trim());
         if let Some(before) = axes[..index].iter().find(is_same) {
-            let message = format!("--strategy sets the axis '{}' twice: {before} and {part}", axis.trim());
+            let message = format!("the strategy sets the axis '{}' twice: {before} and {part}", axis.trim());
             return Err(Error::input(message).with_help("give each axis one value"));
         }
     }
@@ -62,16 +62,16 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
 /// write `part` at the beginning. If `part` is the name of an axis, the advice lists the values of this axis.
 /// If `part` is neither a preset nor an axis, the advice shows the form of a strategy's text.
 fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
-    let error = Error::input(format!("'{part}' in --strategy does not have the form axis=value"));
+    let error = Error::input(format!("'{part}' in the strategy does not have the form axis=value"));
     error.with_help(match (preset(part), named) {
         (Ok(_), Some(first)) => format!(
             "a strategy has only one preset, but '{part}' is a second one: leave out one of the two. Only `raycl compile` takes several strategies, each with an option of its own: --strategy {first} --strategy {part}"
         ),
         (Ok(_), None) => {
-            // Of the other parts, the suggested option `--strategy` has only those with `=`, because a part
+            // Of the other parts, the suggested strategy has only those with `=`, because a part
             // without `=` is a further preset or a mistake.
             let others: Vec<&str> = axes.iter().copied().filter(|other| other.contains('=')).collect();
-            format!("name the preset first: --strategy {part},{}", others.join(","))
+            format!("name the preset first: {part},{}", others.join(","))
         }
         (Err(_), _) => match AXES.iter().find(|axis| axis.name == part) {
             Some(axis) => {
@@ -79,7 +79,7 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
                 format!("give the axis a value: {part} = {}", values.join(" or "))
             }
             None => {
-                "name at most one preset, then axes with their values: --strategy deferred,width=4".to_owned()
+                "name at most one preset, then axes with their values: deferred,width=4".to_owned()
             }
         },
     })
@@ -199,14 +199,14 @@ mod tests {
             ("wide,width", "give the axis a value: width = 1 or 2 or 4"),
             ("width=4,culling", "give the axis a value: culling = none or back"),
             ("naive,local-vectors", "a strategy has only one preset, but 'local-vectors' is a second one"),
-            ("width=4,naive", "name the preset first: --strategy naive,width=4"),
-            ("width=4,naive,culling=none", "name the preset first: --strategy naive,width=4,culling=none"),
-            ("width=4,naive,wide", "name the preset first: --strategy naive,width=4"),
+            ("width=4,naive", "name the preset first: naive,width=4"),
+            ("width=4,naive,culling=none", "name the preset first: naive,width=4,culling=none"),
+            ("width=4,naive,wide", "name the preset first: naive,width=4"),
         ] {
             let error = parse_strategy(text).expect_err(text);
             assert!(error.to_string().contains("does not have the form axis=value"), "{error}");
             assert!(error.remedy().starts_with(help), "{}", error.remedy());
-            if let Some(named) = error.remedy().strip_prefix("name the preset first: --strategy ") {
+            if let Some(named) = error.remedy().strip_prefix("name the preset first: ") {
                 assert!(parse_strategy(named).is_ok(), "{named}");
             }
         }
