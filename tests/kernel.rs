@@ -171,7 +171,7 @@ fn a_kernel_is_printed_to_be_read() {
             "// ---- cast/intersect/moller_trumbore.cl, line ",
             "working_set(working, 0 /* RAY_ORIGIN */, ray.origin);",
             "reqd_work_group_size(8 /* LOCAL_X */, 8 /* LOCAL_Y */, 1)",
-            "// files that contain only macros (expanded above): ",
+            "// files that add only macros (expanded above): ",
             "are left out; --all prints them",
         ],
     );

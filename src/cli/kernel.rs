@@ -28,14 +28,14 @@ pub struct Args {
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
     strategy: String,
-    /// Local size: work-items per work-group, across and down; 8 stands for 8x8 [default: 8x8. For strategies in which
-    /// 32 work-items cast a tile of rays together: 32x4 if --device names a device whose work-items can exchange values
-    /// without barriers; otherwise, 32x1]
+    /// Local size: work-items per work-group, across and down; 8 stands for 8x8 [default: 8x8, or fewer work-items if
+    /// the device of --device does not allow 8x8. For strategies in which 32 work-items cast a tile of rays together:
+    /// 32x4 if --device names a device whose work-items can exchange values without barriers; otherwise, 32x1]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
     /// Print the program as the compiler of this device sees it. DEVICE is part of the device's name, platform or
     /// vendor; its label in `raycl devices`; or its kind (cpu, gpu, accelerator). If several devices match, raycl uses
-    /// the first of them in the order of `raycl devices` [default: no particular device]
+    /// the first usable one in the order of `raycl devices` [default: no particular device]
     #[arg(long)]
     device: Option<String>,
     /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which
@@ -44,7 +44,7 @@ pub struct Args {
     /// 1` [default: a small scene]
     #[arg(long, value_name = "FILE")]
     pub(super) scene: Option<PathBuf>,
-    /// Also print functions that no kernel of the strategy calls
+    /// Also print the functions, types and variables that the kernels of a frame with one sample per pixel do not need
     #[arg(long)]
     all: bool,
     /// Print only the text that affects compilation: comments are removed, macros are replaced by their

@@ -18,7 +18,7 @@ pub fn until_error<T>(mut results: impl Iterator<Item = Result<T>>) -> (Vec<T>, 
 }
 
 /// Writes `measured` to `target`. If the measurement ended with an error (`end`) and the file exists already, keeps the
-/// existing file, because the earlier measurement in this file may be complete, and tells the user so.
+/// existing file and prints a note. The earlier measurement in the existing file may be complete.
 pub fn store(measured: &impl Serialize, end: &Result<()>, target: &Target) -> Result<()> {
     if end.is_ok() || target.is_standard_output() || !target.path().exists() {
         return target.write_json(measured);

@@ -27,10 +27,10 @@ pub struct Args {
     /// the driver gives to the device, the device's common name as in raycl's tables, platform, driver and other
     /// properties that affect times), a kind (cpu, gpu, accelerator), or all. A NAME of digits matches only if the
     /// description has exactly this number: 1 does not match H100. Results of the baselines (ray casters on the host)
-    /// are always merged; with the NAME host, raycl merges only these results. If no NAME matches a device on which a
-    /// shard has begun, raycl merges nothing. If only some of several NAMEs match such a device, then all points, except
-    /// the baselines, count as missing for each NAME without a match. Not with --status [default: all devices on which a
-    /// shard has begun]
+    /// are always merged; with the NAME host, raycl merges only these results. If no NAME is host, and no NAME matches
+    /// a device on which a shard has begun, raycl merges nothing. Otherwise, for each NAME (except host) that matches
+    /// no such device, all points except the baselines count as missing. Not with --status [default: all devices on
+    /// which a shard has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard. A process in the state
@@ -42,8 +42,8 @@ pub struct Args {
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process
-    /// increases once per second. A process whose counter stays the same counts as lost. A network file system may show
-    /// old data for some time; choose SECONDS longer than this time
+    /// increases once per second. A process whose counter stays the same counts as lost, unless the process has
+    /// reported its end. A network file system may show old data for some time; choose SECONDS longer than this time
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", conflicts_with_all = ["device", "quiet"], value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point instead of tables; with --status, one object per process
@@ -102,9 +102,9 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     super::print(format!("Report:   {}", page.display()))
 }
 
-/// Returns a text with the numbers of attempts, points and samples. If groups of points were divided among
-/// shards, the text also has the number of additional samples of control points (points that several shards
-/// measured, so that their other points can be compared).
+/// Returns a text with the numbers of attempts, points and samples. If groups of points were divided among shards, the
+/// text also has the number of additional samples of control points. (Several shards measured the same control points,
+/// so that the other points of these shards can be compared.)
 fn counts(merged: &Merged) -> String {
     let [used, of_controls, others] = merged.samples;
     let of_controls = match of_controls {
@@ -144,7 +144,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
         help.extend(missing.failed.iter().map(command_text));
     }
     if records.iter().any(|record| record.outcome == Outcome::WrongImage) {
-        let remedy = "a point with a wrong image keeps this result; to discard the image, move the folder of the attempt that cast it out of parts/";
+        let remedy = "a point keeps its wrong image even if another attempt measures the point again; to discard the image, move the folder of the attempt that cast the image out of parts/";
         help.push(remedy.to_owned());
     }
     match said.is_empty() {

@@ -72,8 +72,8 @@ The file ~/.config/raycl/config.toml may contain your own defaults: device, colo
 
 The environment variables RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults, and options override the variables.")]
 pub struct Cli {
-    /// When to use colours: auto (on a terminal), always or never [default: never if NO_COLOR is set, else the value of
-    /// color in your settings, else auto]
+    /// When to use colours: auto (on a terminal, unless TERM is dumb), always or never [default: never if NO_COLOR is
+    /// set and not empty, else the value of color in your settings, else auto]
     #[arg(long, global = true, value_name = "WHEN", value_enum, hide_possible_values = true)]
     color: Option<Colour>,
     #[command(subcommand)]
@@ -84,7 +84,7 @@ pub struct Cli {
 enum Command {
     /// Render pictures of a scene or a mesh
     Render(render::Args),
-    /// Look at a scene from all sides, in a window
+    /// Look at a scene from all sides, in a window or in the terminal
     View(view::Args),
     /// Run an experiment: verify, time and record every point (combination of strategy, scene, sizes and device)
     Run(run::Args),
@@ -166,9 +166,10 @@ impl Command {
         casts || measures || writes_pages || matches!(self, Self::CompareImages(_))
     }
 
-    /// Returns true if PoCL (an OpenCL driver for CPUs) must pin its threads, because the command measures
-    /// times itself or through workers. Also returns true for workers, unless they only compile a program.
-    /// Returns false for the commands for contributors, even if they measure times.
+    /// Returns true if PoCL (an OpenCL driver for CPUs) must pin its threads, because the command measures times itself
+    /// or through workers. For `raycl render`, returns true only if the picture is cast several times (`--repeat`).
+    /// Also returns true for workers, unless they only compile a program. Returns false for the commands for
+    /// contributors, even if they measure times.
     fn measures(&self) -> bool {
         match self {
             Self::Run(_) | Self::Reproduce(_) | Self::Peak(_) | Self::Noise(_) => true,
@@ -200,7 +201,7 @@ impl Command {
         }
     }
 
-    /// Returns true if the command reads standard input, which can only be read once.
+    /// Returns true if the command reads a scene from standard input, which can only be read once.
     fn reads_standard_input(&self) -> bool {
         match self {
             Self::Render(render::Args { subject, .. }) | Self::View(view::Args { subject, .. }) => {
@@ -221,8 +222,8 @@ impl Command {
         }
     }
 
-    /// Returns the folder of `--cl-dir` for commands that start drivers in their own process. Returns `None`
-    /// for commands that start no drivers in their own process, and if `--cl-dir` is not given.
+    /// Returns the folder of `--cl-dir` for commands that can start drivers in their own process. Returns `None` for
+    /// all other commands, and if `--cl-dir` is not given.
     fn cl_dir(&self) -> Option<&Path> {
         match self {
             Self::Render(render::Args { subject, .. }) | Self::View(view::Args { subject, .. }) => {

@@ -75,13 +75,13 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Returns the experiment whose files were unpacked into `folder`, with the values of `set`. Returns an error if the
-/// experiment has no kernel.
+/// experiment has no strategy.
 fn experiment(folder: &Path, set: &[(String, String)]) -> Result<Experiment> {
     let (name, text) = FILES[0];
     let experiment = parse_built_in(&folder.join(name), name, text, set)?;
     if experiment.strategies.is_empty() {
         let help = "add one with --set 'strategies=[\"naive\"]'; `raycl strategies` lists the presets";
-        return Err(Error::input("the experiment has no kernel, so it measures no device").with_help(help));
+        return Err(Error::input("the experiment has no strategy, so it measures no device").with_help(help));
     }
     Ok(experiment)
 }
@@ -148,7 +148,7 @@ fn text(noise: &Noise, device: &str) -> String {
     }
     if let Some([least, most]) = causes.clocks_mhz {
         let governor = causes.governor.as_ref().map_or(String::new(), |name| format!(", governor {name}"));
-        lines.push(format!("  processors ran at {least:.0} to {most:.0} MHz{governor}"));
+        lines.push(format!("  when the run began, processors ran at {least:.0} to {most:.0} MHz{governor}"));
     }
     lines.extend(causes.device_clock_mhz.map(|mhz| format!("  the device ran at {mhz:.0} MHz")));
     lines.extend(
@@ -209,7 +209,7 @@ mod tests {
                     .to_owned(),
                 "in four fifths of the readings, a cache line took 20 to 90 ns from one processor to another"
                     .to_owned(),
-                "processors ran at 1200 to 3400 MHz, governor powersave".to_owned(),
+                "when the run began, processors ran at 1200 to 3400 MHz, governor powersave".to_owned(),
                 "the device ran at 1980 MHz".to_owned(),
                 "the device throttled (reduced its clock rate) in 7 samples".to_owned(),
                 "the device used 6 threads".to_owned(),
@@ -292,6 +292,6 @@ mod tests {
         let label = "min_samples is 1000 in configs/noise.toml (built in):";
         assert!(limit.label.starts_with(label), "{}", limit.label);
         let none = with("strategies", "[]").expect_err("a mistake");
-        assert!(none.exit_code() == 2 && none.to_string().contains("has no kernel"), "{none}");
+        assert!(none.exit_code() == 2 && none.to_string().contains("has no strategy"), "{none}");
     }
 }

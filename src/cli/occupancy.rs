@@ -10,9 +10,9 @@ use super::choice::{number, parse_size};
 use crate::device::occupancy::{Limiter, Multiprocessor, Occupancy, capabilities, multiprocessor, occupancy};
 use crate::error::{Error, Result};
 
-/// The description of a valid number of registers, for messages about text that is not one.
+/// Describes a valid number of registers, in the message about an invalid number.
 const REGISTERS: &str = "a whole number of registers, such as 32";
-/// The description of a valid number of bytes, for messages about text that is not one.
+/// Describes a valid number of bytes, in the message about an invalid number.
 const BYTES: &str = "a whole number of bytes, such as 4096";
 
 /// Arguments of `raycl occupancy`.
@@ -31,8 +31,8 @@ pub struct Args {
     /// Bytes of __local memory that each work-group uses
     #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper", value_parser = number::<u32>(BYTES))]
     local_bytes: u32,
-    /// Bytes of __local memory per work-item, added to those per work-group (108 in optimisation 1 of the
-    /// student paper whose experiments raycl repeats)
+    /// Bytes of __local memory that each work-item uses, in addition to those of --local-bytes. In optimisation 1 of
+    /// the student paper whose experiments raycl repeats, each work-item uses 108 bytes
     #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper", value_parser = number::<u32>(BYTES))]
     local_bytes_per_item: u32,
     /// Local sizes (work-items per work-group, across and down), such as 8x8,64x1; 8 stands for 8x8
@@ -96,9 +96,9 @@ impl Question {
     }
 }
 
-/// Prints a table of predicted occupancy: for the points of a run if a folder of results is given, with `--paper` for
-/// the paper's GPU, and otherwise for the registers that the user gives. An unknown compute capability is a user error,
-/// and so is `--registers 0`.
+/// Prints predicted occupancy: with `--paper`, for the paper's GPU; with `--results`, for the points of a run;
+/// otherwise, for the registers and the memory that the user states. An unknown compute capability is a user error, and
+/// so is `--registers 0`.
 pub fn run(args: Args) -> Result<()> {
     if args.paper {
         return paper::run(&args.local_sizes, args.json);

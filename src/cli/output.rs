@@ -10,13 +10,14 @@ use serde::Serialize;
 use crate::error::{Error, Result};
 use crate::printer;
 
-/// Writes `text` and a newline to standard output, without control characters. A closed pipe is not an error.
+/// Writes `text` and a newline to standard output. Escapes such as `\u001b` replace control characters other than line
+/// breaks and tabs. A closed pipe is not an error.
 pub fn print(text: impl std::fmt::Display) -> Result<()> {
     write(&printer::plain(&text.to_string()))
 }
 
-/// Writes `text` and a newline to standard output. Keeps the colour codes that raycl added, but no other
-/// control characters.
+/// Writes `text` and a newline to standard output. Keeps line breaks, tabs and the colour codes that raycl added.
+/// Escapes replace all other control characters.
 pub fn print_coloured(text: &str) -> Result<()> {
     write(&printer::coloured(text))
 }

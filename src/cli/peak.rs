@@ -83,8 +83,8 @@ pub fn run(args: Args) -> Result<()> {
     end
 }
 
-/// Writes the rates `all` to the file `target`. If the file exists already, tells the user which rates the
-/// file loses ([`replaced`]).
+/// Writes the rates `all` to the file `target`. If the file exists already and is replaced, tells the user which rates
+/// the file loses ([`replaced`]).
 fn store_rates(all: &[Peak], end: &Result<()>, target: &Target) -> Result<()> {
     let replaced = if end.is_ok() { replaced(all, target) } else { Vec::new() };
     store(&all, end, target)?;
@@ -92,9 +92,9 @@ fn store_rates(all: &[Peak], end: &Result<()>, target: &Target) -> Result<()> {
     Ok(())
 }
 
-/// Returns a note for each rate in the file `target` that will be lost. A rate is lost if `all`, the file's
-/// new rates, contains no rate of the same device with the same driver and in the same state. If the file
-/// contains no rates, returns no notes.
+/// Returns a note for each entry of the file `target` that will be lost. An entry has the peak rates of one device. An
+/// entry is lost if `all`, the file's new entries, contains no entry of the same device with the same driver and in the
+/// same state. If the file contains no rates, returns no notes.
 fn replaced(all: &[Peak], target: &Target) -> Vec<String> {
     if target.is_standard_output() {
         return Vec::new();
@@ -113,8 +113,9 @@ fn replaced(all: &[Peak], target: &Target) -> Vec<String> {
     earlier.iter().filter(is_lost).map(note).collect()
 }
 
-/// Returns the devices that `pattern` selects. Without `pattern`, returns the devices that the user's
-/// settings select. If the settings name no device either, returns the most capable device.
+/// Returns the devices that `pattern` selects. Without `pattern`, returns the devices that match `RAYCL_DEVICE` or, if
+/// this variable is not set, the user's settings. If the settings name no device either, returns the most capable
+/// device.
 fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
     let Some(word) = pattern.map(str::to_owned).or_else(settings::device) else {
         return one_device(None, sources).map(|device| vec![device]);
@@ -140,8 +141,8 @@ pub(super) struct Wanted<'a> {
 impl Wanted<'_> {
     /// Measures the peak rates in child processes, because the process of `raycl run` itself starts no driver. Returns
     /// an error if the user interrupts the run or if a child process fails. While this process waits for a child
-    /// process, it calls `observer.waits()`. Without these calls, `raycl merge --status` would report a shard that
-    /// waits for its peak rates as hung.
+    /// process, it calls `observer.waits()`. Without these calls, a shard that waits for its peak rates would count as
+    /// hung in `raycl merge --status`.
     pub fn measured(&self, observer: &mut dyn Observer, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
         let mut all: Vec<Peak> = Vec::new();
         for pattern in self.patterns {
@@ -166,8 +167,8 @@ impl Wanted<'_> {
                 .with_help("`raycl peak --device NAME` measures a single device and shows why it fails")
         };
         let mut command = own_program()?;
-        // The messages of the child process go to the user, since they say which process the child process
-        // waits for, or why it failed.
+        // The messages of the child process go to the user. They say for which other process the child process waits,
+        // or why the child process failed.
         command.args(self.arguments(pattern)).stderr(Stdio::inherit());
         command.stdin(Stdio::null()).stdout(Stdio::piped());
         let ended = command.spawn().and_then(|child| output_unless(child, LOOK_UP, is_over));

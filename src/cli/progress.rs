@@ -1,4 +1,4 @@
-//! Shows the progress of a run: a bar on a terminal, plain lines elsewhere.
+//! Shows the progress of a run: a bar on a terminal; plain lines elsewhere, and with `--verbose`.
 
 use crate::device::common_name;
 use crate::experiment::Observer;
@@ -125,10 +125,10 @@ impl Lines {
         format!(", about {:#} left", HumanDuration(left))
     }
 
-    /// Returns a line about the points that earlier sessions have finished; `None` if they have finished no
-    /// point. `done` is the number of all points that are finished now. If this session consists of several runs (see
-    /// [`Stages`]), `done` also counts points that earlier runs of this session have finished; they are not points of
-    /// earlier sessions.
+    /// Returns a line about the points that earlier sessions have finished; `None` if they have finished no point.
+    /// `done` is the number of all points that are finished now. If this session consists of several runs (see
+    /// [`Stages`]), `done` also counts points that earlier runs of this session have finished. The line does not count
+    /// these points.
     fn earlier_line(&mut self, done: usize) -> Option<String> {
         self.earlier += done.saturating_sub(self.done);
         (self.earlier > 0).then(|| format!("{} of {} points are done already", self.earlier, self.points))

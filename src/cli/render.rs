@@ -71,9 +71,9 @@ pub struct Args {
     /// Replace existing files even if they were not written by raycl, or were changed after raycl wrote them
     #[arg(long)]
     force: bool,
-    /// Cast the frame on several devices, a band of rows on each. NAME selects the devices: part of a name,
-    /// platform or vendor; a kind (cpu, gpu, accelerator); or all. For a bare mesh (a mesh file), --devices without
-    /// --samples implies --plain. Not with --device or --watch
+    /// Cast the frame on several devices, a band of rows on each. NAME selects the devices: part of a name, platform or
+    /// vendor; a label in `raycl devices`; a kind (cpu, gpu, accelerator); or all. For a bare mesh (a mesh file),
+    /// --devices without --samples implies --plain. Not with --device or --watch
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// With --devices: use all selected devices for which rows are left, even if one of them slows the frame down. If a
@@ -86,7 +86,7 @@ pub struct Args {
     /// Samples per pixel, 1 to 1024. More samples make edges and soft shadows smoother. With most strategies, N samples
     /// take about N times as long as one; with strategies that cast tiles, 16 samples take only 6 to 9 times as long.
     /// The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default: 1; with
-    /// --adaptive, 16; for a bare mesh without --adaptive, --plain and --devices, 6 where neighbouring pixels differ and
+    /// --adaptive, 16; for a bare mesh without --adaptive, --plain or --devices, 6 where neighbouring pixels differ and
     /// 1 elsewhere]
     #[arg(long, value_parser = whole::<u32>(1..=1024))]
     samples: Option<u32>,
@@ -446,7 +446,7 @@ fn is_dressed(args: &Args) -> bool {
 
 /// Returns the number of samples per pixel. With `--samples`, every pixel gets the given number; with `--adaptive`, the
 /// given number is the largest that a pixel gets. Without `--samples`, the number is [`ADAPTIVE_SAMPLES`] with
-/// `--adaptive`, [`MESH_SAMPLES`] for a bare mesh without `--plain` and `--devices`, and 1 otherwise.
+/// `--adaptive`, [`MESH_SAMPLES`] for a bare mesh without `--plain` or `--devices`, and 1 otherwise.
 fn sampling(args: &Args, is_bare: bool) -> Sampling {
     match args.samples {
         None if is_bare && is_dressed(args) && !args.adaptive => MESH_SAMPLES,
@@ -455,8 +455,9 @@ fn sampling(args: &Args, is_bare: bool) -> Sampling {
     }
 }
 
-/// The default numbers of samples per pixel of a bare mesh, with lights from its file or with lights that
-/// raycl adds. Only soft light is cast at half resolution.
+/// The default numbers of samples per pixel of a bare mesh, with lights from its file or with lights that raycl adds.
+/// The shadows of soft light are cast in half pictures (of half the width and height); everything else is cast at full
+/// size.
 const MESH_SAMPLES: Sampling = Sampling { first: 1, most: 6, half_light: 2 };
 /// The largest number of samples per pixel with `--adaptive`, if `--samples` is not given.
 const ADAPTIVE_SAMPLES: u32 = 16;

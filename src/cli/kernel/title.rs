@@ -76,16 +76,16 @@ impl Title<'_> {
     }
 }
 
-/// Returns the comment at the end of the printed program. The comment names the files that contain only
-/// macros, and states the number of lines that were left out (`left_out`). Returns an empty text if no file
-/// contains only macros and no lines were left out.
+/// Returns the comment at the end of the printed program. The comment names the files that add only macros to the
+/// program, and states the number of lines that were left out (`left_out`). Returns an empty text if all files add
+/// other code, too, and no lines were left out.
 pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
     let has_code = |file: &&String| program.lines.iter().any(|line| line.is_code && *line.file == ***file);
     let without: Vec<&str> =
         program.files.iter().filter(|file| !has_code(file)).map(String::as_str).collect();
     let mut foot = String::new();
     if !without.is_empty() {
-        foot += &comment(&format!("files that contain only macros (expanded above): {}", without.join(", ")));
+        foot += &comment(&format!("files that add only macros (expanded above): {}", without.join(", ")));
     }
     if left_out > 0 {
         let lines = counted_are(left_out, "line that these kernels do not need");

@@ -1,6 +1,6 @@
-//! Prints Figure 5 of the student paper that raycl reproduces, as a table. The paper uses only two limits, from which
-//! the table is computed: the largest numbers of work-groups and of threads that a multiprocessor holds at the same
-//! time. Beside the paper's predictions, the table shows the occupancy that compute capability 2.0 allows.
+//! Prints Figure 5 of the student paper that raycl reproduces, as a table. The paper's predictions in Figure 5 use only
+//! two limits: the largest numbers of work-groups and of threads that a multiprocessor holds at the same time. Beside
+//! the paper's predictions, the table shows the occupancy that compute capability 2.0 allows.
 
 use serde_json::{Value, json};
 

@@ -219,8 +219,8 @@ mod tests {
         assert!(predicted(&record, Some("9.0")).is_some());
     }
 
-    /// The build log also counts the `__local` memory of inner functions, so the build log's number takes
-    /// precedence over the number that the driver reports.
+    /// The build log also counts the `__local` memory of the functions that a kernel calls, so the build log's number
+    /// takes precedence over the number that the driver reports.
     #[test]
     fn the_local_memory_is_that_of_the_build_log_or_of_the_driver() {
         let local_bytes = |shared_bytes: Option<u64>| {
