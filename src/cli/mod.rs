@@ -110,7 +110,8 @@ enum Command {
         /// List the devices and end
         #[arg(long)]
         list: bool,
-        /// Compile the program that is read from standard input, store it in the cache and end
+        /// Read a task from standard input, list the devices if the cache has no list of them, compile and store the
+        /// task's program (if it has one), and end
         #[arg(long, conflicts_with = "list")]
         keep: bool,
         /// Use the kernel files in this folder

@@ -94,7 +94,8 @@ fn store_rates(all: &[Peak], end: &Result<()>, target: &Target) -> Result<()> {
 
 /// Returns a note for each entry of the file `target` that will be lost. An entry has the peak rates of one device. An
 /// entry is lost if `all`, the file's new entries, contains no entry of the same device with the same driver and in the
-/// same state. If the file contains no rates, returns no notes.
+/// same state. (If the entry has no state, the new entry may be in any state.) If the file contains no rates, returns
+/// no notes.
 fn replaced(all: &[Peak], target: &Target) -> Vec<String> {
     if target.is_standard_output() {
         return Vec::new();
@@ -164,7 +165,7 @@ impl Wanted<'_> {
     fn measured_apart(&self, pattern: &str, is_over: &mut dyn FnMut() -> bool) -> Result<Vec<Peak>> {
         let failed = |why: &dyn std::fmt::Display| {
             Error::run(format!("the devices' peak rates could not be measured: {why}"))
-                .with_help("`raycl peak --device NAME` measures a single device and shows why it fails")
+                .with_help("`raycl peak --device NAME` measures only the devices that NAME selects, and shows why one fails")
         };
         let mut command = own_program()?;
         // The messages of the child process go to the user. They say for which other process the child process waits,
