@@ -165,7 +165,7 @@ impl Wanted<'_> {
     fn measured_apart(&self, pattern: &str, is_over: &mut dyn FnMut() -> bool) -> Result<Vec<Peak>> {
         let failed = |why: &dyn std::fmt::Display| {
             Error::run(format!("the devices' peak rates could not be measured: {why}"))
-                .with_help("`raycl peak --device NAME` measures only the devices that NAME selects, and shows why one fails")
+                .with_help("`raycl peak --device NAME` measures again, and shows why a device fails")
         };
         let mut command = own_program()?;
         // The messages of the child process go to the user. They say for which other process the child process waits,

@@ -308,8 +308,8 @@ fn last_notes(
     of_picture.chain(verified.and_then(Verification::note)).chain(dirty_program())
 }
 
-/// Returns a note if the picture shows no surface, for example because it shows a sheet edge-on. `hits` is the number of
-/// pixels whose rays hit a surface.
+/// Returns a note if the picture shows no surface, for example because it shows a sheet edge-on. `hits` is the number
+/// of pixels whose rays hit a surface.
 fn empty(scene: &Scene, hits: usize) -> Option<String> {
     let is_empty = hits == 0 && !scene.mesh.triangles.is_empty();
     is_empty.then(|| {
