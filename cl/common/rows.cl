@@ -6,8 +6,9 @@ typedef struct {
 } Corners;
 
 // A row consists of the floats that a ray-triangle test reads of one triangle. These floats are computed from the
-// triangle's corners and, if they are planes, from the rays' common origin. RECORD_FLOATS, stated in the header of the
-// test's file, is the number of floats. In memory, a row consists of ROW_UNITS values of type ROW_UNIT.
+// triangle's corners. Floats that describe planes through the rays' common origin also depend on this origin.
+// RECORD_FLOATS, stated in the header of the test's file, is the number of floats. In memory, a row consists of
+// ROW_UNITS values of type ROW_UNIT.
 #ifndef RECORD_FLOATS
 #error "RECORD_FLOATS: number of floats in a row, as record_floats in the header of the test's file says"
 #endif
@@ -59,10 +60,10 @@ typedef struct {
 
 #define FLOATS_OF_SURFACE (9 + MATERIAL_FLOATS)
 
-// Returns a Surface from columns with one lane per ray: 9 columns for normals, 3 for k_L, 3 for k_G, one for s, one for
-// kind. With EMISSIVE, 3 columns for the emitted radiance and one for its texture follow.
+// Returns a Surface from columns, which are vectors with one lane per ray: 9 columns for normals, 3 for k_L, 3 for k_G,
+// one for s, one for kind. With EMISSIVE, 3 columns for the emitted radiance and one for its texture follow.
 static Surface surface_of(const Lanes *column) {
-    // The columns (vectors) are in the order in which `layout = soup` stores a triangle's normals and material.
+    // The columns are in the order in which `layout = soup` stores a triangle's normals and material.
     Surface s;
     s.n0 = vec3(column[0].all, column[1].all, column[2].all);
     s.n1 = vec3(column[3].all, column[4].all, column[5].all);

@@ -2,8 +2,9 @@
 
 // With several samples per pixel, the image holds their mean, which does not show whether the last sample hit
 // something. The mean's fourth component times the number of samples is the number of hits so far. If the number of
-// hits has not grown, the last sample missed, and the kernel adds the sky's radiance to the mean. If the sky is a
-// picture, the background is black, so the last sample, which missed, has added nothing to the mean yet.
+// hits has not grown, the last sample missed, and the kernel adds the sky's radiance, divided by the number of samples,
+// to the mean. Up to then, this sample counts as black in the mean, since the background is black if the sky is a
+// picture.
 __kernel void show_sky(SHOW_SKY_PARAMETERS) {
     const Pixels pixels = own_pixels(image_size);
     Soft sky;
@@ -13,7 +14,7 @@ __kernel void show_sky(SHOW_SKY_PARAMETERS) {
     sky.lane_sample = (varying_uint)(0);
 #endif
     const Vec3 seen = radiance_of_sky(&sky, camera_ray(eye, corner, step_x, step_y, &pixels).direction);
-    // The pixels of a block are not contiguous in the image, so lanes are stored one by one.
+    // The pixels of a work-item's lanes may not be contiguous in the image, so lanes are stored one by one.
     Lanes red, green, blue;
     IntLanes x, y, inside;
     red.all = seen.x, green.all = seen.y, blue.all = seen.z;

@@ -4,10 +4,13 @@
 // Terminator", Ray Tracing Gems II, 2021):
 //
 //        n1            P'            n2
-//          \           .            /        A corner's plane is perpendicular to its normal. P' is the mean of P's
-//           \    .     |     .     /         projections onto the corners' planes, weighted like their normals. If P is
-//            v1 ------ P ------- v2          above a corner's plane, where the mesh is concave, this corner does not
-//                                            move P.
+//          \           .            /
+//           \    .     |     .     /
+//            v1 ------ P ------- v2
+//
+// A corner's plane contains the corner, and is perpendicular to the corner's normal. P' is the mean of P's projections
+// onto the three corners' planes, with P's barycentric weights. If P is above a corner's plane, where the mesh is
+// concave, this corner does not move P.
 //
 // In f64, the function smooth_point in src/reference/shade.rs computes the same point.
 

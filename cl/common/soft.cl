@@ -2,8 +2,8 @@
 // follow Sobol's sequence in two dimensions. The samples are numbered along a Z-order curve through the pixels, so that
 // the samples of a pixel and of its neighbours are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise
 // Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling
-// makes the sequences of different lights independent. src/reference/soft.rs computes the same numbers (numbers_of) bit
-// for bit, and then the rays from these numbers in f64.
+// makes the sequences of different lights independent. src/reference/soft.rs computes the same numbers as numbers_of,
+// bit for bit, and then computes the rays from these numbers in f64.
 
 #ifndef SOFT_HEAD_FLOATS
 #error "SOFT_HEAD_FLOATS: number of floats that describe the sky, before the lights' radii"
@@ -18,9 +18,9 @@ typedef PASTE(uint, WIDTH) varying_uint;
 #endif
 
 typedef struct {
-    // First, the sky: its radiance at the zenith (3 floats) and at the horizon (3), the upward direction (3), and its
-    // reach (see reach_of_sky). (environment.cl shows the floats of a sky that is a picture.) After the sky, one radius
-    // per light follows (see radius_of).
+    // First, the sky: its radiance at the zenith (3 floats) and at the horizon (3), the upward direction (3), and the
+    // sky's reach (see reach_of_sky). (environment.cl shows the floats of a sky that is a picture.) After the sky, one
+    // radius per light follows (see radius_of).
     const __global float *numbers;
     // All pixels get a first round of samples; pixels of rough blocks also get a second round. sample.x is the number,
     // within its round, of the first sample that this frame casts for each pixel. sample.y is the round's number of
@@ -37,7 +37,8 @@ typedef struct {
 #endif
 
 // With soft light at half resolution (half_light.cl), some pictures have the light that would arrive if nothing blocked
-// it. In these pictures of unoccluded light, sample.y is 0, lights are points, and the sky has its mean radiance.
+// it. In these pictures of unoccluded light, sample.y is 0, and lights are points. No ray is cast to the sky: each hit
+// receives the mean of the sky's radiance around the hit's normal (mean_of_sky).
 #if HALF_LIGHT
 #ifndef INTERLEAVED
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
@@ -120,8 +121,9 @@ static float radius_of(const Soft *soft, int light) {
 }
 
 // Returns the point of a light to which a pixel's sample casts a ray, relative to the light's centre. `at` points to
-// the light's floats. The points of a ball are uniformly distributed on a sphere in four dimensions, and then projected
-// to three. Because of this distribution, a ball looks like an evenly bright disc from any side, seen from a distance.
+// the light's floats. A light with a radius is a ball. Its points are uniformly distributed on a sphere in four
+// dimensions, and then projected to three. Because of this distribution, the ball looks like an evenly bright disc from
+// any side, seen from a distance.
 static Vec3 off_middle(const Soft *soft, int light, const __global float *at, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
 #if AREA_LIGHTS
@@ -142,10 +144,10 @@ static Vec3 point_of_sphere(const Soft *soft, int source, varying_int x, varying
     return vec3(ring * sinpi(2.0f * u.y), ring * cospi(2.0f * u.y), 1.0f - 2.0f * u.x);
 }
 
-// Returns a unit vector on the normal's side of a surface: the direction to a point (point_of_sphere) of the unit
-// sphere that touches the surface. The vector's probability density is proportional to the cosine of the angle between
-// the vector and the normal. To choose a point of this sphere, no axes perpendicular to the normal are needed. (No
-// choice of such axes changes continuously with the normal everywhere.)
+// Returns a unit vector on the normal's side of a surface: the direction from the hit to a point (point_of_sphere) of
+// the unit sphere that touches the surface at the hit. The vector's probability density is proportional to the cosine
+// of the angle between the vector and the normal. To choose a point of this sphere, no axes perpendicular to the normal
+// are needed. (No choice of such axes changes continuously with the normal everywhere.)
 static Vec3 direction_to_sky(Vec3 point, Vec3 normal) { return normalize_or_zero(add(normal, point)); }
 
 // Returns the distance up to which surfaces occlude the sky.
@@ -162,10 +164,11 @@ static Vec3 radiance_of_sky(const Soft *soft, Vec3 direction) {
 }
 #endif
 
-// Returns the mean of the sky's radiance around a normal, weighted by the cosine. A direction's height is its dot
-// product with up, but at least 0. The mean height of the directions around the normal is 2 / (3 pi) (sin a + (pi - a)
-// cos a), where a is the angle between the normal and up. A parabola in the cosine of a gives this mean, with an error
-// of at most 0.006. (A picture of the sky needs no mean, since such a sky is not cast at half resolution.)
+// Returns the mean of the sky's radiance around a normal. Each direction has the weight of its cosine with the normal.
+// A direction's height is its dot product with the upward direction, but at least 0. The mean height of the directions
+// around the normal is 2 / (3 pi) (sin a + (pi - a) cos a), where a is the angle between the normal and the upward
+// direction. A parabola in the cosine of a gives this mean, with an error of at most 0.006. (A picture of the sky needs
+// no mean, since such a sky is not cast at half resolution.)
 static Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #if ENVIRONMENT
     return radiance_of_sky(soft, normal);

@@ -31,7 +31,7 @@ static void store_radiance(EARLIER_PARAMETER __global float4 *image, int2 image_
     green.all = SELECT(hits, sum.y, (varying)(background.y));
     blue.all = SELECT(hits, sum.z, (varying)(background.z));
     hit.all = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
-    // The pixels of a block are not contiguous in the image, so lanes are stored one by one.
+    // The pixels of a work-item's lanes may not be contiguous in the image, so lanes are stored one by one.
     x.all = pixels.x;
     y.all = pixels.y;
     inside.all = pixels.inside;

@@ -25,7 +25,8 @@
 //                       alpha    | blue     | green   | red
 //
 // "Wrap u" and "wrap v" define how the texture continues beyond its edges along u and v. common/cutouts.cl explains the
-// least alpha. A texture's mip levels follow its texels. Each level is half as wide and high (rounded down).
+// least alpha. A texture's mip levels follow its texels. Each level is half as wide and half as high as the level
+// before (rounded down, at least 1).
 #define CHANNEL_VALUES 256
 
 // The number of float4 in a triangle's row of texture data. Without mip levels, a triangle's row has two float4:
@@ -201,7 +202,7 @@ Uniform3 emission_colour(const Textures *textures, int number, int triangle, flo
     const float4 ab = row[0], c = row[1];
 #if MIPS
     // `wanted` is the level of the triangle's own texture, if it has one. If the emission texture has half as many
-    // texels across and down, its texels are twice as large, so its level is one less.
+    // texels across and down as the triangle's own texture, its texels are twice as large, so its level is one less.
     if (as_int(c.z) >= 0) {
         const __global uint *head = texture_head(textures, number), *own = texture_head(textures, as_int(c.z));
         wanted += 0.5f * log2((float)head[1] * (float)head[2] / ((float)own[1] * (float)own[2]));

@@ -1,6 +1,7 @@
-// A varying holds one value for each of a work-item's WIDTH rays, as in ISPC. The same code thus serves GPUs, where a
-// work-item may cast a single ray, and CPUs, where the rays are the lanes of vector registers. With WIDTH 1, a Mask is
-// 0 or 1; otherwise it is 0 or -1 in each lane. Combine masks with & and |, and negate a mask with !.
+// A varying holds one value for each of the WIDTH rays that a work-item casts side by side, as in ISPC. The same code
+// thus serves GPUs, where a work-item may cast a single ray, and CPUs, where the rays are the lanes of vector
+// registers. With WIDTH 1, a Mask is 0 or 1; otherwise it is 0 or -1 in each lane. Combine masks with & and |, and
+// negate a mask with !.
 
 #ifndef WIDTH
 #error "WIDTH: rays that a work-item casts side by side: 1, 2, 4, 8 or 16"

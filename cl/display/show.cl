@@ -31,8 +31,8 @@ static uchar shown(const float radiance, __global const float *smallest, __globa
 
 // Displays `count` pixels of `image`, from the pixel with the index `first` on. A pixel's fourth channel is positive if
 // the pixel shows a hit. `rows` receives three bytes per pixel, then padding for the last work-item. `counters` has two
-// elements. The kernel adds the number of pixels that hit something to the first element, and the number of pixels that
-// are not finite to the second.
+// elements. To the first element, the kernel adds the number of pixels that show a hit; to the second, the number of
+// pixels with a colour channel that is not finite.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     __global const float4 *restrict image, const ulong first, const uint count, __global const float *restrict smallest,
     __global const uchar *restrict at_least, __global uchar *restrict rows, __global uint *restrict counters) {

@@ -48,7 +48,8 @@ __kernel void chase_local(const int loops, const int stride, __global int *out) 
     out[0] = at;
 }
 
-// Measures the latency of global memory. `next` has one cycle through all elements of a buffer larger than any cache.
+// Measures the latency of global memory. `next` has one random cycle through a buffer, with one element for each cache
+// line. The buffer is larger than any cache if the device has enough memory.
 __kernel void chase_global(const int loops, const int start, const __global int *restrict next, __global int *out) {
     int at = start;
     for (int loop = 0; loop < loops; loop++) {
