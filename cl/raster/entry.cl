@@ -1,7 +1,8 @@
 // The rasteriser of the textbook (Hughes et al., "Computer Graphics"), with one work-item per triangle. Unlike the
-// textbook's version, this rasteriser clips at the near plane. It interpolates 1 / depth, which is linear in the pixel.
-// Edge functions are computed from homogeneous coordinates without a division by a vertex's depth, so triangles may
-// extend behind the eye (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
+// textbook's version, this rasteriser clips at the near plane. It interpolates 1 / depth, which is a linear function of
+// a pixel's column and row. Edge functions are computed from homogeneous coordinates without a division by a vertex's
+// depth, so triangles may extend behind the eye (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous
+// Coordinates", 1997).
 //
 // The kernel raster_depth finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive
 // floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth; of several triangles
@@ -19,12 +20,12 @@
 // possibly in a different way at each call.
 static float exact_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-// A linear function of the pixel: at(x, y) = c + x * dx + y * dy.
+// A linear function of a pixel's column x and row y: c + x * dx + y * dy.
 typedef struct {
     float c, dx, dy;
 } Linear;
 
-// Returns the dot product of a plane with a pixel's direction, as a function of the pixel.
+// Returns the dot product of the vector `plane` with a pixel's direction, as a function of the pixel's column and row.
 static Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
     Linear f;
     f.c = exact_dot(plane, uniform3(corner.x, corner.y, corner.z));
@@ -36,7 +37,7 @@ static Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 
 static float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
 
 // A triangle's corner as seen from the eye. `across` and `down` are the corner's column and row in the image, in
-// pixels, multiplied by its depth. The end of a pixel's direction (a vector from the eye) has depth 1.
+// pixels, multiplied by the corner's depth. The end of a pixel's direction (a vector from the eye) has depth 1.
 typedef struct {
     float across, down, depth;
 } Projected;
@@ -59,7 +60,7 @@ static Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y
 // A triangle as seen from the eye, and the pixels that it may cover.
 typedef struct {
     Projected at[3];
-    Linear per_depth;   // 1 / depth, as a function of the pixel
+    Linear per_depth;   // 1 / depth, as a function of the pixel's column and row
     int drawn;          // 0 if the triangle is edge-on or culled
     int2 low, high;     // pixels to test: low <= pixel < high
 } Coverage;
@@ -81,7 +82,7 @@ static int covers(const Coverage *coverage, float x, float y) {
     return (least >= 0.0f || most <= 0.0f) && u + v + w != 0.0f;
 }
 
-// Extends the bounds of the pixels to test to include the point `p`, which is on or beyond the near plane.
+// Extends the bounds of the tested pixels so that they include the point `p`, which is on or beyond the near plane.
 static void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);
@@ -137,7 +138,8 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     coverage.drawn = det != 0.0f;
 #endif
     for (int i = 0; i < 3; i++) coverage.at[i] = project(p[i], corner, step_x, step_y);
-    // 1 / depth = direction . n / (p[0] . n). The direction is linear in the pixel, so 1 / depth is linear too.
+    // 1 / depth = direction . n / (p[0] . n). The direction is linear in the pixel's column and row, so 1 / depth is
+    // linear too.
     const float per_det = 1.0f / det;
     coverage.per_depth =
         along_pixels(uniform3(n.x * per_det, n.y * per_det, n.z * per_det), corner, step_x, step_y);

@@ -24,8 +24,8 @@ static varying_int sample_of_lane(int bits) {
 // per pixel, several lanes have the same pixel: the block then covers 2 x 2 pixels or one pixel.
 static Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
-    // A pixel's column and row are the column and row of its ray in the grid of all rays, divided by the number of
-    // sub-pixels across or down.
+    // All rays form a grid. A ray's column and row in this grid, divided by the number of sub-pixels across or down,
+    // give the column and row of the ray's pixel.
     pixels.x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X) >> SUBPIXEL_BITS;
     pixels.y = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y + LANE_Y) >> SUBPIXEL_BITS;
     pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);
@@ -36,9 +36,8 @@ static Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     return pixels;
 }
 
-// The positions, in pixels, of the rays of one vector. The rays form a block. `x` and `y` are the positions of the
-// first column and row of rays, relative to the corner of the block's first pixel. `across` and `down` are the
-// distances from the first to the last column and row.
+// Bounds of the positions, in pixels, of the rays of one vector, relative to the corner of the vector's first pixel.
+// The rays lie between x and x + across, and between y and y + down.
 typedef struct {
     float x, y, across, down;
 } BlockRays;
@@ -49,7 +48,8 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
     rays.across = (BLOCK_X >> bits) - 1;
     rays.down = (BLOCK_Y >> bits) - 1;
 #if SAMPLED
-    // A sample's position may lie outside its pixel, as far as the pixel filter reaches, so samples extend the block.
+    // A sample's position may lie outside its pixel, as far as the pixel filter reaches, so the bounds depend on the
+    // positions of the samples.
     rays.x = least_lane(samples->x), rays.y = least_lane(samples->y);
     rays.across += most_lane(samples->x) - rays.x;
     rays.down += most_lane(samples->y) - rays.y;
@@ -58,11 +58,12 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
 }
 
 // Computes, for each vector of rays, the interval of one component (x, y or z) of the directions corner + x step_x + y
-// step_y. The interval is extended by a bound of the rounding error. The arguments `x` and `y` are the position of each
-// vector's first ray.
+// step_y. The interval is extended by a bound of the rounding error. The arguments `x` and `y` are the lower bounds
+// (see BlockRays) of the positions of each vector's rays.
 static void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays, float16 x, float16 y, float16 *low,
                 float16 *high) {
-    // The component is linear in x and y, so its smallest and largest values lie at corners of the block.
+    // The component is linear in x and y, so its smallest and largest values lie at corners of the rectangle that
+    // bounds the positions.
     const float16 from_x = x * step_x, from_y = y * step_y;
     const float across = rays->across * step_x, down = rays->down * step_y;
     const float16 base = corner + from_x + from_y;
@@ -131,7 +132,8 @@ static void leave_out_others(Slices *slices, uint cast) {
 uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
     // The ray of a lane passes through the point (right, below), in pixels from the corner of the vector's first pixel.
     // A direction is corner + x step_x + y step_y. Each direction is the sum of `first` and `within`. `first`, the
-    // direction to this corner of the pixel, is the same for all lanes. `within` is the same for all vectors of rays.
+    // direction to the corner of the vector's first pixel, is the same for all lanes. `within` is the same for all
+    // vectors of rays.
     const varying_int column = LANE_X >> SUBPIXEL_BITS, row = LANE_Y >> SUBPIXEL_BITS;
 #if SAMPLED
     const varying right = TO_FLOAT(column) + samples->x, below = TO_FLOAT(row) + samples->y;

@@ -56,8 +56,8 @@
 #define FETCH(pointer) (void)0
 #endif
 
-// The shears for the watertight test (tile_cpu/intersect/watertight.cl). The rays of a vector are sheared along their
-// common axis k; d is a ray's direction.
+// The shears for the watertight test (tile_cpu/intersect/watertight.cl). A shear turns a ray's direction d into the
+// direction of the axis k that is common to the rays of the vector.
 typedef struct {
     // For the axis k, x is -d_(k+1) / d_k, with the opposite sign if rays run against the axis; y is -d_(k+2) / d_k.
     varying x[VECTORS], y[VECTORS];

@@ -13,7 +13,8 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     bundle->too_near = 1.0f / max(eye.w, LEAST_INV_T);
     const TileInterval interval = interval_of_tile(&slices);
     Boxes boxes;
-    // For a tile that shows only background, no ray is computed.
+    // If the intervals show that all rays miss the boxes of the root's children, no ray is computed: the tile shows
+    // only background.
     if (!children_overlap(&interval, bundle->origin, tree->tree.nodes, FAR, &boxes)) return 0;
     finish_slices(bundle, &slices);
     const uint open = make_camera_rays(CAST_ARGUMENTS bundle, eye, corner, step_x, step_y, image_size);

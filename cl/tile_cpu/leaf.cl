@@ -19,7 +19,7 @@ Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits, const
 #error "FEW_VECTORS: up to so many vectors, a triangle is tested against rays without testing vectors_near first"
 #endif
 
-// Returns the ray vectors in `vectors` without an unfinished ray, one bit each.
+// Returns those of the ray vectors `vectors` whose rays are all finished, one bit each.
 static uint vectors_done(const Bundle *bundle, uint vectors) {
     uint done = 0;
     for (; vectors; vectors &= vectors - 1) {
@@ -61,8 +61,9 @@ __attribute__((noinline)) uint test_with_many(Bundle *bundle, const SurfaceTree 
     return test_worth(bundle, tree, prepared, worth, first, live, any, 1);
 }
 
-// Tests up to PREPARED of a leaf's triangles against the ray vectors in `live`. Returns one bit for each vector: 1 if
-// one of the vector's rays hit or, with `any`, if all its rays are finished.
+// Tests up to PREPARED of a leaf's triangles against the ray vectors in `live`. Returns one bit for each vector.
+// Without `any`, a bit is 1 if one of the vector's rays hit a triangle; with `any`, it is 1 if the triangles have
+// blocked the vector's last unfinished rays.
 uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
     Prepared prepared;
     // At the end of a leaf, `count` may be less than PREPARED. Bits from `count` on belong to triangles of other

@@ -115,8 +115,8 @@ void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle 
 }
 
 // For each pixel that is shaded once and not in `split`, computes the sum of its samples. Returns these pixels. In a
-// pixel of `split`, a light reaches only some samples: the radiance from the other lights (`once->sum`) is added to
-// each sample in `sum`, and the caller adds up the samples.
+// pixel of `split`, at least one light reaches only some of the samples: the radiance from the lights that reach all
+// samples (`once->sum`) is added to each sample in `sum`, and the caller adds up the samples.
 static uint sum_once(const OncePixels *once, const FrameSamples *samples, float4 *sums, Vec3 *sum) {
     for (uint left = once->vectors; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);

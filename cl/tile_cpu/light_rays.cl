@@ -96,9 +96,9 @@ static void begin_light_rays(Bundle *bundle, Slices *slices, const Lighting *lig
     bundle->too_near = FAR;
 }
 
-// Computes the rays from a light to the hits of the vectors in `hit`. Without soft and emitted light, the hits are
-// computed for the first light, and stored for the other lights. Returns the vectors with at least one ray, one bit
-// each.
+// Computes the rays from a light to the hits of the vectors in `hit`. If neither soft nor emitted light is computed,
+// the hits are computed for the first light, and stored for the other lights. Returns the vectors with at least one
+// ray, one bit each.
 static uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting, int light,
                      float4 eye, uint hit, Shaded *shaded, Vec3 *arriving) {
     uint open = 0;

@@ -11,10 +11,10 @@
 // height (see below). The neighbouring triangle has the same plane for the shared edge, with the opposite sign, to the
 // last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip through, so
 // neighbouring triangles overlap a little: after the planes are scaled, 1 is added to each dot product. Let e1 and e2
-// be two of the triangle's edges. The product of d . (e2 x e1) and t is the same for all rays, and is called the
-// triangle's height. A hit lies in front of the ray's origin if d . (e2 x e1) and the height have the same sign. All
-// planes, and the normal e2 x e1, are multiplied by the sign of the height when they are prepared, not at each test.
-// The number `a` is the dot product of d and this normal, so it is positive for hits in front of the origin.
+// be two of the triangle's edges. If a ray meets the triangle's plane at t, d . (e2 x e1) times t is the triangle's
+// height, the same for all rays. A hit lies in front of the ray's origin if d . (e2 x e1) and the height have the same
+// sign. All planes, and the normal e2 x e1, are multiplied by the sign of the height when they are prepared, not at
+// each test. The number `a` is the dot product of d and this normal, so it is positive for hits in front of the origin.
 
 #define PREPARED TOGETHER
 
@@ -22,7 +22,7 @@
 typedef struct {
     float a[3][PREPARED];        // the triangles' normals: `a` is a normal's dot product with a direction
     float edges[3][3][PREPARED]; // the planes of the edges
-    float edge_on[PREPARED];     // a ray hits only if its `a` exceeds edge_on; otherwise the triangle is seen edge-on
+    float edge_on[PREPARED];     // hits have a larger `a`; with any other, the triangle is edge-on or behind the origin
     float per_height[PREPARED];  // 1 / t is the product of `a` and per_height
 } Prepared;
 
@@ -45,9 +45,9 @@ static void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
 }
 
 // Returns, for each of eight triangles, 1 / overlap, with the sign bit `sign`: the factor for the plane of one edge.
-// `size` is the edge's size, `longer` that of the longer of e1 and e2, `slack` the overlap (see SHARED_EDGE_SLACK) per
-// size, in the unit of dot products. A float is | sign: bit 31 | exponent: 30 to 23 | digits: 22 to 0 |. The mask
-// 0x7f800000 keeps the exponent: it rounds the overlap down to a power of two, and dividing by it does not round. At
+// `size` is the edge's size (1-norm), `longer` that of the longer of e1 and e2, `slack` the overlap (see
+// SHARED_EDGE_SLACK) per size, in the unit of dot products. A float is | sign: bit 31 | exponent: 30 to 23 | digits: 22
+// to 0 |. The mask 0x7f800000 rounds the overlap down to a power of two; dividing by this power does not round. At
 // FLT_MIN or more, the exponent is not 0, so no division is by 0. The factor makes the rounded overlap 1.
 static float8 per_overlap(float8 slack, float8 size, float8 longer, int8 sign) {
     const float8 overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
@@ -73,7 +73,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2), longer = max(size1, size2);
     const float8 distance = lanes_size(a), slack = SHARED_EDGE_SLACK * bundle->longest * distance;
     const float8 least = LEAST_VISIBLE(distance, longer);
-    // For a ray's direction d and the normal n, 1 / t = (d . n) / height. The normal is stored times the sign of
+    // For a ray's direction d and the normal n, 1 / t = (d . n) / height. The stored normal is n times the sign of
     // `height`. The number `a` is the dot product of d and this stored normal, so 1 / t = a / |height|. `a` is positive
     // if the ray meets the triangle's plane in front of the ray's origin.
     store_plane(n, as_float8(as_int8((float8)(1.0f)) | sign), prepared->a);

@@ -86,7 +86,8 @@ typedef struct {
     float a[3], b[3], c[3];
 } Prepared;
 
-// Prepares the triangle at `first` in leaf order. Returns a word with the triangle's bit: 1 (never excluded).
+// Prepares the triangle at `first` in leaf order. Returns a word with one bit for the triangle, which is always 1: no
+// triangle is excluded here.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     Corners corners = leaf_corners(tree, first);
     if (any) { // rays run from the light, not to it: swapping corners swaps front and back faces

@@ -42,8 +42,8 @@ INLINED void spread_normals(const Normals *normals, int index, int number, varyi
     }
 }
 
-// Loads the normals of four lanes as quads (float4). `set` may end after the last normal, so only three floats of a
-// quad are loaded, not four.
+// Loads the normal of one corner (`part`) for each of four lanes, as quads (float4). `set` may end after the last
+// normal, so only three floats of a quad are loaded, not four.
 #define QUAD(part, lane) (float4)(vload3(indices[lane][part], normals->set), 0.0f)
 #define FOUR_NORMALS(part, lane) \
     (float16)(QUAD(part, lane), QUAD(part, lane + 1), QUAD(part, lane + 2), QUAD(part, lane + 3))
