@@ -1,5 +1,5 @@
 // The types of a triangle's data: its corners, the row that a ray-triangle test reads, and the surface that shading
-// reads. The functions of every layout of triangles return these types.
+// reads. The types are the same for all layouts of triangles.
 
 typedef struct {
     Uniform3 a, b, c;

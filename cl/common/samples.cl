@@ -1,7 +1,7 @@
 // Functions for pictures with several samples per pixel. The image holds the mean of the samples cast so far, and every
 // frame adds further samples. `wanted` holds, for each block of pixels, the number of samples that each pixel of the
-// block gets; mark_rough changes this number after the first few samples. A pixel with enough samples is treated like a
-// pixel outside the image: its ray is not cast, and nothing is stored for it.
+// block gets. The number is the largest uint until mark_rough sets it, after the first few samples. A pixel with enough
+// samples is treated like a pixel outside the image: its ray is not cast, and nothing is stored for it.
 
 #ifndef SAMPLED_BLOCK
 #error "SAMPLED_BLOCK: side in pixels of the blocks whose pixels get equally many samples"
