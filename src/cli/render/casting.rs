@@ -58,9 +58,9 @@ impl Cast {
     }
 
     /// Returns the number of primary rays and the number of shadow rays of a picture of `size`. Each hit has
-    /// `per_hit` shadow rays. Soft light at half resolution needs two half pictures in addition to the
-    /// picture of full size, each with a quarter of the pixels. Of the picture of full size and the two half
-    /// pictures, only the half picture with shadows has shadow rays.
+    /// `per_hit` shadow rays. Soft light at half resolution needs three pictures: one of full size, and two half
+    /// pictures (of half the width and height). Of these three pictures, only the half picture with shadows has
+    /// shadow rays.
     pub fn rays(&self, size: [u32; 2], per_hit: usize) -> [f64; 2] {
         let [pixels, half_pixels] =
             [1, 2].map(|by| size.iter().map(|side| f64::from(side.div_ceil(by))).product::<f64>());
@@ -75,9 +75,9 @@ impl Cast {
     }
 }
 
-/// The time of the first frame includes the first use of memory, and often compilation. If several frames are
-/// cast, the first frame's time counts only if it is above `LONG_FRAME_MS`: the share of memory and
-/// compilation in this time is then negligible.
+/// The first frame often takes longer than later frames, because the device uses its memory for the first time, and
+/// may still compile kernels. If several frames are cast, the first frame's time therefore counts only if it is above
+/// `LONG_FRAME_MS`: the additional time is then a negligible part of this time.
 const LONG_FRAME_MS: f64 = 1000.0;
 
 /// Returns true if the first frame counts as one of the requested frames: if only one frame is requested, or
@@ -86,10 +86,10 @@ fn counts(first: &FrameTimes, repeat: u32) -> bool {
     repeat == 1 || first.frame_ms > LONG_FRAME_MS
 }
 
-/// Casts the frame as often as `--repeat` says (once more if the first frame does not count), and reads the image from
-/// the device. If sampling is adaptive, also reads the numbers of samples. With `--verify`, also casts the parts that
-/// the verification needs. If several frames are timed, this process locks the device, so that no other process
-/// measures on it meanwhile.
+/// Casts the frame as often as `--repeat` says (once more if the first frame does not count), and reads the image
+/// from the device. If sampling is adaptive, also reads the numbers of samples. With `--verify`, if soft light is
+/// cast at half resolution, also casts and reads the pictures that [`Cast::parts`] describes. If several frames are
+/// timed, this process locks the device, so that no other process measures on it meanwhile.
 pub fn cast(
     args: &Args,
     device: &Device,
@@ -190,7 +190,7 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// The number of bytes that the test transfers at a time (a piece). A frame, its triangles and its tree
+    /// The number of bytes that the tests transfer at a time (a piece). The frame, the scene's triangles and the tree
     /// are each larger than a piece, so each of them is transferred in several pieces.
     const PIECE_BYTES: usize = 1000;
 
@@ -353,7 +353,8 @@ mod tests {
         // Each of the 2 x 2 pixels of the half pictures adds three primary rays to the nine primary rays of
         // the whole picture, and has four shadow rays: two lights with two samples each.
         assert_eq!(cast.rays([3, 3], 2), [21.0, 16.0]);
-        // If the whole picture has four samples per pixel, its nine pixels have 36 primary rays and 72 shadow rays.
+        // Without half pictures and with four samples per pixel, the nine pixels of the picture have 36 primary rays
+        // and 72 shadow rays.
         let whole = Cast { sampling: Sampling::all(4), ..cast };
         assert_eq!(whole.rays([3, 3], 2), [36.0, 72.0]);
     }

@@ -1,6 +1,6 @@
-//! Guesses which program a scene's picture needs, so that the program can be built before the scene is read. The guess
-//! is the program that this scene needed last time. For a new OBJ file, the guess follows from the file's size. A wrong
-//! guess costs only the time in which the wrong program is built.
+//! Guesses which program a scene's picture needs, so that the program can be built while the scene is being read. The
+//! guess is the program that this scene needed last time. For a new OBJ file, the guess follows from the file's size.
+//! A wrong guess costs only the time in which the wrong program is built.
 
 use super::{Args, hurry, is_dressed, large_mesh};
 use crate::cache::Cache;
@@ -40,12 +40,13 @@ struct Remembered {
     workload: Workload,
 }
 
-/// Returns the user's cache, or no cache with `--cl-dir` or `--watch`, because kernels are then probably being edited.
+/// Returns the user's cache, or no cache with `--cl-dir` or `--watch`, because the user is then probably editing
+/// kernels or the scene.
 pub fn cache(args: &Args) -> Cache {
     if args.subject.cl_dir.is_some() || args.watch { Cache::none() } else { Cache::of_user() }
 }
 
-/// Returns the program to compile before the scene is read; `None` if no guess is possible.
+/// Returns the program to compile while the scene is being read; `None` if no guess is possible.
 pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (strategy, workload) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     spec(args, sources, device, &strategy, workload)
@@ -69,8 +70,8 @@ fn spec(
     strategy: &Strategy,
     known: Workload,
 ) -> Option<ProgramSpec> {
-    // The program contains the number of triangles that are copied to `__local` memory, which is not known
-    // before the scene is read.
+    // The program of a strategy that copies all triangles to `__local` memory contains the number of triangles. This
+    // number is not known before the scene is read.
     if strategy.triangles.are_staged() {
         return None;
     }
@@ -155,8 +156,9 @@ pub fn sampling(args: &Args) -> Sampling {
     super::sampling(args, !is_scene)
 }
 
-/// Returns a text that identifies the scene's file in its present state, the device, and all arguments that
-/// affect which program is chosen. Returns `None` if the file's state is unknown, as for standard input.
+/// Returns a text that identifies the scene's file in its present state, the device, and those arguments that most
+/// often affect which program is chosen. Other arguments, such as `--azimuth` and `--repeat`, seldom affect this
+/// choice; if they do, the guess may be wrong. Returns `None` if the file's state is unknown, as for standard input.
 fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let path = args.subject.scene.canonicalize().ok()?;
     let metadata = path.metadata().ok()?;
@@ -221,8 +223,8 @@ mod tests {
             assert_eq!(likely(more, &device), None, "{more:?}");
         }
         assert_eq!(likely(&[], &other), None);
-        // The function `quick` guesses another program for this scene. Its program differs from the program
-        // `known` in its strategy, local size and stack size.
+        // The function `quick` guesses another program for this scene. This program has the same strategy as the
+        // program `known`, but another local size and stack size.
         let quick = quick(&cache, &args(&scene, &[]), &Sources::Embedded, &device).unwrap();
         let (strategy, local_size) = hurry::quick(&device).unwrap();
         let of_quick = Workload { local_size, stack_size: ROUNDED_STACK, ..workload };

@@ -37,11 +37,11 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
     Some((strategy, strategy.local_size(&device.limits, QUICK_LOCAL)))
 }
 
-/// Returns true if a picture may be cast with [`QUICK`] instead of the fastest strategy. Three conditions
-/// must hold: the user has chosen no strategy, no axis and no local size; the command casts a single frame
-/// once; and the picture is small enough. Returns false with `--cl-dir` and `--watch`: the user is probably
-/// editing kernels, perhaps the kernels of the fastest strategy. Returns false for a CPU, because the usual
-/// strategy on CPUs, `tile`, compiles in a short time.
+/// Returns true if a picture may be cast with [`QUICK`] instead of the fastest strategy. Three conditions must hold:
+/// the user has chosen no strategy, no axis and no local size; the command casts a single frame once; and the picture
+/// is small enough. Returns false with `--cl-dir` or `--watch`: the user is then probably editing kernels (perhaps
+/// the kernels of the fastest strategy) or the scene. Returns false for a CPU, because the usual strategy on CPUs,
+/// `tile`, compiles in a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }
@@ -82,8 +82,9 @@ pub fn choose(
     }
 }
 
-/// Returns a strategy's program if it must still be compiled. Returns `None` also if the strategy cannot be prepared:
-/// raycl reports the reason later, when it prepares the strategy for the picture.
+/// Returns the program of a strategy if this program must still be compiled, and otherwise `None`. Also returns
+/// `None` if the strategy cannot be prepared: raycl reports the reason later, when it prepares the strategy for the
+/// picture.
 fn not_built(
     session: &mut Session,
     (strategy, local_size): (Strategy, [u32; 2]),

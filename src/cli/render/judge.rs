@@ -65,13 +65,12 @@ pub(super) fn verified(
     }
 }
 
-/// Compares a picture, or only `some` of its pixels, with the reference. The check includes the number of
-/// pixels whose rays hit a triangle. If only rough blocks get all samples (`counts`), the check also includes
-/// which blocks got them. If the picture's soft light was cast in half pictures (of half the width
-/// and height), `parts` contains the pictures from which the filter made the final picture. In this case, the
-/// pictures in `parts`, and the shares of their samples that hit something, are compared with the reference.
-/// The final picture is compared with the picture that the host makes of `parts` by the same filter as the
-/// device.
+/// Compares a picture, or only `some` of its pixels, with the reference. If all pixels are compared, the check
+/// includes the number of pixels whose rays hit a triangle. If only rough blocks get all samples (`counts`), the
+/// check also includes which blocks got them. If the picture's soft light was cast in half pictures (of half the
+/// width and height), `parts` contains the pictures from which the filter made the final picture. In this case, the
+/// pictures in `parts`, and the shares of their samples that hit something, are compared with the reference. The
+/// final picture is compared with the picture that the host makes of `parts` by the same filter as the device.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
@@ -112,7 +111,8 @@ pub(super) fn check(
     let camera = scene.camera.covering(size);
     let half_scene = Scene { camera, ..scene.clone() };
     let mut max_difference = whole.max_difference;
-    // The hit shares of the half pictures are those of the half picture with unoccluded light.
+    // `half_hit_shares` was read from the half picture with unoccluded light, so it is compared only with that
+    // picture's reference.
     for (image, hit_shares, light) in [
         (&parts.lit, None, SampleLight::Interleaved),
         (&parts.unoccluded, Some(parts.half_hit_shares.as_slice()), SampleLight::Unoccluded),
@@ -174,8 +174,8 @@ fn compare(
 }
 
 /// Returns why the blocks' numbers of samples are wrong; `None` if they are right. The reference's first samples say
-/// which blocks are rough and get all samples. If `some` is given, only some blocks are compared: those that, with the
-/// rings of pixels around them, have about `some` pixels.
+/// which blocks are rough and get all samples. If `some` is given, only randomly chosen blocks are compared. Together
+/// with the rings of pixels around them, these blocks have about `some` pixels.
 fn wrong_counts(
     scene: &Scene,
     size: [u32; 2],
@@ -256,8 +256,8 @@ mod tests {
         }
     }
 
-    /// The filter uses the hit shares, so the host's filter computes the same picture from wrong hit shares as the
-    /// device's filter.
+    /// The filter uses the hit shares. If the hit shares are wrong, the host's filter and the device's filter compute
+    /// the same wrong picture. Only the comparison of the hit shares with the reference shows the mistake.
     #[test]
     fn a_wrong_share_of_hits_is_noticed_in_the_whole_picture_and_in_half_pictures() {
         let (scene, strategy) = (fixtures::single_triangle(), preset("bvh").unwrap().strategy);
@@ -412,7 +412,8 @@ mod tests {
             let verified = check(&scene, picture, (&strategy, sampled), None, &saved, some);
             verified.map_err(|error| error.to_string()).map(|_| ())
         };
-        // If 24 x 36 pixels are compared, all 24 blocks are.
+        // The picture has 24 blocks. A block has at most 36 pixels, with the ring of pixels around it. So a request
+        // for 24 x 36 pixels compares all blocks.
         for some in [None, Some(24 * 36)] {
             assert_eq!(judged(rough_steps(sampling.first), some), Ok(()));
             for (limit, end) in [

@@ -68,7 +68,8 @@ pub fn for_the_next_start(
     strategy: &Strategy,
     (later, show_later): (Option<Later>, Option<ProgramSpec>),
 ) -> Vec<String> {
-    // With --cl-dir or --watch, kernels are probably being edited, so storing their programs is not worth it.
+    // With --cl-dir or --watch, the user is probably editing kernels or the scene, so storing the program is not
+    // worth it.
     let stores = args.subject.cl_dir.is_none() && !args.watch && order(prepared, device);
     let shows = show_later.is_some_and(|spec| compile_later(&Cache::of_user(), &spec, &device.info));
     // Every background process also lists the devices. A process that only lists the devices is needed only
@@ -183,9 +184,9 @@ fn background(order: &Order) -> Result<Command> {
     Ok(command)
 }
 
-/// Separates the background process from this command's caller: the process does not keep the current
-/// folder's disk in use, and a signal for the process group of the command, such as Ctrl-C, does not reach
-/// the process. The background process stays in the current folder only if an environment variable for
+/// Separates the background process from this command's caller. A signal for the process group of the command, such
+/// as Ctrl-C, does not reach the background process. The background process also leaves the current folder, so that
+/// it does not keep the folder's disk in use. It stays in the current folder only if an environment variable for
 /// drivers names an existing file or folder relative to the current folder.
 #[cfg(unix)]
 fn detach(command: &mut Command) {
@@ -210,11 +211,11 @@ fn names_relative(paths: &std::ffi::OsStr) -> bool {
     std::env::split_paths(paths).any(|path| path.is_relative() && path.exists())
 }
 
-/// Does the work of the background process: reads the task ([`Order`]) from standard input, and lists the
-/// devices if no list is stored. If the task has a program, also builds and stores this program. The process
-/// ends early if the cache's folder is removed: a user who removed the folder would not expect raycl to make
-/// it again. No driver may be loaded before this function is called, since the function closes all inherited
-/// files.
+/// Does the work of the background process: reads the task ([`Order`]) from standard input, and lists the devices if
+/// no list is stored. If the task has a program, also builds and stores this program. The process ends early if the
+/// cache's folder is removed: a user who removed the folder would not expect raycl to make it again. No driver may be
+/// loaded before this function is called, since the function closes all open files except the standard streams, and
+/// would close the driver's files, too.
 pub fn serve() -> Result<()> {
     leave_files();
     // The command that starts this process waits until this process has closed the files that it inherited.

@@ -1,6 +1,6 @@
-//! Chooses the strategy of a picture, and for how many frames its tree is built. A single picture of a large mesh on
-//! a CPU gets the strategy that needs the least memory and preparation, since preparing the mesh takes longer than
-//! casting one frame.
+//! Chooses the strategy of a picture, and whether its tree is built for one frame or for many. A single picture of a
+//! large mesh on a CPU gets a strategy that needs little memory and preparation, since preparing the mesh takes
+//! longer than casting one frame.
 
 use super::Args;
 use crate::accel::TreeUse;
@@ -18,10 +18,10 @@ use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 /// takes 29 ms less without the copy of the normals, and casting the frame takes 5 ms more. With 10 million
 /// triangles, making the buffers takes 0.8 s less, and casting the frame 14 ms more.
 ///
-/// Packets of rays may cast a frame faster than tiles if there are many triangles per pixel. But for 10
-/// million triangles, the buffers for packets need 2.3 GB, and the buffers for tiles need 1.3 GB. On 2 cores
-/// of an AMD EPYC (docs/log.md, 2026-11-28), making the buffers for packets takes 3 s longer, and casting a
-/// frame with packets takes at most 1.3 s less.
+/// Packets of rays may cast a frame faster than tiles if there are many triangles per pixel. But for 10 million
+/// triangles, a process that casts packets needs 2.3 GB, and a process that casts tiles needs 1.3 GB. On 2 cores of
+/// an AMD EPYC (docs/log.md, 2026-11-28), building the tree and making the buffers takes about 3 s longer for
+/// packets, and casting a frame with packets takes at most 1.3 s less.
 const LARGE_TRIANGLES: usize = 4_000_000;
 
 /// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those that raycl
@@ -58,8 +58,8 @@ fn casts_one_frame(args: &Args) -> bool {
 }
 
 /// A tree is built for a single frame only if the frame has at most this many rays from the eye per triangle. On 2
-/// cores of an AMD EPYC (docs/log.md, 2026-11-28), a tree for one frame saves about 40 ns per triangle, and a ray takes
-/// about 3 ns longer.
+/// cores of an AMD EPYC (docs/log.md, 2026-11-28), building a tree for a single frame takes about 40 ns per triangle
+/// less than building a tree for many frames, but each ray takes about 3 ns longer.
 const MOST_RAYS_PER_TRIANGLE: usize = 8;
 
 /// Returns whether the tree of a picture with `samples` samples per pixel is built for a single frame or for

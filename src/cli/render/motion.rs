@@ -135,7 +135,7 @@ fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
 }
 
 /// The report at the end of the command. With `--json`, raycl prints an object with these fields. If this process has
-/// no frame to render, [`nothing_to_do`] prints an object with other fields.
+/// no frame to render, [`nothing_to_do`] prints an object with only the fields `frames`, `skipped` and `notes`.
 #[derive(Serialize)]
 struct Report {
     scene: String,
@@ -149,15 +149,17 @@ struct Report {
     skipped: u32,
     /// Median device time of a frame; null if no frame was cast.
     frame_ms: Option<f64>,
-    /// Time of the whole command.
+    /// Time from the start of [`run`] to this report.
     total_ms: f64,
-    /// Number of frames divided by the time from the first upload to the last write; null if no frame was cast.
+    /// Number of frames that were cast, divided by the time in seconds from the first upload to the last write; null
+    /// if no frame was cast.
     frames_per_s: Option<f64>,
     output: String,
     notes: Vec<String>,
 }
 
-/// Renders the requested frames; of numbered pictures, only those that do not exist yet.
+/// Renders the requested frames. If the frames become numbered pictures, leaves out each frame whose file already
+/// shows this frame.
 pub fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
     Sink::check(args)?;
@@ -211,8 +213,8 @@ pub fn run(args: &Args) -> Result<()> {
     tell(args, &report)
 }
 
-/// Returns all frames of a turntable if `--shard` gives this process no frame to render, and `None`
-/// otherwise. For an animation, returns `None`: its number of frames is known only after the scene is loaded.
+/// Returns the requested frames of a turntable if `--shard` gives this process none of them, and `None` otherwise.
+/// For an animation, returns `None`: its number of frames is known only after the scene is loaded.
 fn frames_of_others(args: &Args) -> Result<Option<Frames>> {
     let Some(count) = args.motion.turntable else { return Ok(None) };
     let all = args.motion.asked(count)?;

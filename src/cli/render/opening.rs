@@ -87,8 +87,8 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         let (loaded, load_ms, tree) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
         let (loaded, (device, queue)) = (loaded?, opened?);
         let (show, show_later) = show.transpose()?.unwrap_or_default();
-        // The file format of a transparent picture must have an alpha channel. Moving pictures have other file formats,
-        // which `Sink::check_alpha` checks.
+        // The file format of a transparent picture must have an alpha channel. For moving pictures,
+        // `Sink::check_alpha` checks this.
         if loaded.scene.transparent && !args.motion.moves() {
             check_alpha(&target(args))?;
         }
@@ -148,7 +148,7 @@ fn early(
 ///
 /// # Errors
 ///
-/// Fails if the program is one of the user's files, and does not compile.
+/// Fails if the program contains one of the user's kernel files and does not compile.
 fn show(
     args: &Args,
     sources: &Sources,

@@ -34,9 +34,11 @@ pub struct Report {
     pub image_size: [u32; 2],
     /// The largest number of samples per pixel; device times include all samples.
     pub samples: u32,
-    /// The mean number of samples per pixel, which is smaller than `samples` if sampling is adaptive.
+    /// The mean number of samples per pixel, which is smaller than `samples` if some pixels get fewer samples than
+    /// others.
     pub mean_samples: f64,
-    /// Number of soft-light samples per pixel of the half picture; 0 if soft light is not cast at half resolution.
+    /// Number of samples of soft light per pixel of the half picture with shadows; 0 if soft light is not cast at
+    /// half resolution.
     pub half_light_samples: u32,
     /// Time for reading the scene and making its triangles.
     pub load_ms: f64,
@@ -44,7 +46,8 @@ pub struct Report {
     pub discover_ms: f64,
     /// Time for building the tree over the triangles; 0 without a tree.
     pub tree_ms: f64,
-    /// Time for building the program. Some drivers compile a kernel only when it first starts; this time is included.
+    /// Time for building the program or reading it from the cache, without the time in which the scene was still
+    /// being loaded. Some drivers compile a kernel only when it first starts; this time is included.
     pub build_ms: f64,
     /// True if the program came from the cache and nothing was compiled.
     pub build_from_cache: bool,
@@ -63,7 +66,7 @@ pub struct Report {
     pub frame_ms: f64,
     /// Time for reading the image back.
     pub read_ms: f64,
-    /// Time for writing the picture.
+    /// Time for encoding and writing the picture and, with `--layers`, for computing and writing the layers.
     pub save_ms: f64,
     /// The parts of the command's work with their durations, one after the other, from the start of the
     /// process to this report.

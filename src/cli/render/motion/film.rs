@@ -52,8 +52,9 @@ impl Film {
         }
     }
 
-    /// Returns an error if the animation's values in one of the frames from `first` to `last` do not make a
-    /// valid scene.
+    /// Returns an error if a frame from `first` to `last` has values with which the scene's file is not valid, or if
+    /// only one of this frame and frame 1 has a transparent background. Files of meshes and pictures are not read, so
+    /// some mistakes are found only when their frame is rendered.
     pub fn check(&self, first: u32, last: u32) -> Result<()> {
         match self {
             Self::Turntable { .. } => Ok(()),
@@ -86,10 +87,9 @@ impl Film {
     }
 }
 
-/// Makes the keys of the frames of an animation or a turntable. A key is a hash of everything that determines
-/// a frame's picture: the scene's content, the strategy, the picture's size, the samples, the kind of
-/// movement (for a turntable, with its number of frames), the frame's number, raycl's version and the
-/// kernels.
+/// Makes the keys of the frames of an animation or a turntable. A key is a hash of the scene's content, the strategy,
+/// the picture's size, the samples, the kind of movement (for a turntable, with its number of frames), the frame's
+/// number, raycl's version and the kernels.
 pub struct Keys {
     shared: String,
     mesh: LastHash<Mesh>,
@@ -103,8 +103,8 @@ pub struct Keys {
 struct LastHash<T: ?Sized>(Option<(Arc<T>, String)>);
 
 impl<T: ?Sized> LastHash<T> {
-    /// Returns the hash of `part`. If `part` is not the stored part, calls `hash` to compute it, and stores `part` with
-    /// its hash.
+    /// Returns the hash of `part`. If `part` is not the stored part, calls `hash` to compute the hash of `part`, and
+    /// stores both.
     fn of(&mut self, part: &Arc<T>, hash: impl FnOnce() -> String) -> &str {
         let known = self.0.take().filter(|(known, _)| Arc::ptr_eq(known, part));
         &self.0.insert(known.unwrap_or_else(|| (Arc::clone(part), hash()))).1

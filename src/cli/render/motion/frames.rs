@@ -79,8 +79,8 @@ impl Numbered {
         Self { pattern: target.clone(), digits: count.to_string().len().max(4), force, wanted }
     }
 
-    /// Returns an error if the files' folder does not exist, or if one of the files is a file of the scene
-    /// (which has been loaded).
+    /// Returns an error if the files' folder does not exist, or if one of the files is a file of the scene. The scene
+    /// must be loaded before this call, since its files are not known earlier.
     pub fn check(&self) -> Result<()> {
         self.target(self.wanted.first).check_folder()?;
         self.wanted.numbers().try_for_each(|number| refuse_scene_file(&self.target(number)))
@@ -127,9 +127,9 @@ impl Numbered {
                 Some(_) if !self.force => return Err(other(&file, number)),
                 _ => self.target(number).check()?,
             }
-            // `Target::check` above permits the replacement of every file that raycl made. However, raycl
-            // replaces a still picture by a frame only with `--force`, since the still picture may have taken
-            // an hour to cast.
+            // `Target::check` above permits the replacement of every file that raycl made and nobody has changed
+            // since. However, raycl replaces a still picture by a frame only with `--force`, since the still picture
+            // may have taken an hour to cast.
             if exists && !self.force {
                 return Err(still(&file));
             }
@@ -148,7 +148,8 @@ impl Numbered {
 /// rendered again. A rule of a makefile whose target is the file then has nothing left to do. If the system
 /// refuses, for example because the file belongs to another user, the file keeps its modification time.
 fn made_now(file: &Path) {
-    // Windows sets the times of a file only if it is open for writing; Unix sets those of read-only files too.
+    // To set a file's times, Windows needs a file that is open for writing. On Unix, a file that is open for reading
+    // is enough.
     let opened = File::options().read(true).write(cfg!(windows)).open(file);
     let _ = opened.and_then(|file| file.set_modified(SystemTime::now()));
 }

@@ -53,8 +53,9 @@ impl Sink {
         target.check_folder()
     }
 
-    /// Returns the output for the frames `wanted`, out of `count` frames. The kind of output follows from the
-    /// file's name. Fails if a file of the output is a file of the scene (which has been loaded).
+    /// Returns the output for the frames `wanted`, out of `count` frames. The kind of output follows from the file's
+    /// name. Fails if a file of the output is a file of the scene. The scene must be loaded before this call, since
+    /// its files are not known earlier.
     pub fn of(args: &Args, wanted: Frames, count: u32, rate: u16) -> Result<Self> {
         let (target, size) = (target(args), args.subject.size());
         if target.is_standard_output() {

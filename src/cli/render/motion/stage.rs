@@ -66,8 +66,8 @@ impl Stage<'_> {
         Ok(None)
     }
 
-    /// Uploads a scene with its tree. A program is compiled only if the previous frame's program does not
-    /// suit the scene.
+    /// Uploads a scene with its tree. A program is built only if the program in the field `program` does not suit the
+    /// scene.
     fn prepare(&mut self, scene: &Arc<Scene>) -> Result<Ready, Refused> {
         let session = Session::new(self.queue.clone(), &self.device.info, self.sources, Arc::clone(scene));
         let session = session.with_sampling(self.sampling).with_program(self.program.take());
