@@ -9,8 +9,8 @@ use crate::error::Result;
 use crate::scene::Scene;
 use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 
-/// The least number of triangles with which a CPU casts a single picture by tiles of rays, and reads the normals from
-/// the mesh's own list.
+/// From this number of triangles on, a CPU casts a single picture by tiles of rays, and reads the normals from the
+/// mesh's own list, unless the user chooses otherwise. (For smaller meshes, raycl may choose tiles, too.)
 ///
 /// Strategies that cannot read the mesh's list need a copy of the normals in leaf order, which takes 36 bytes
 /// per triangle. Without this copy of the normals, a frame takes about 5% longer, but raycl starts to cast
