@@ -124,8 +124,8 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let many_samples = sampling.most > 1;
     let (soft_lights, half_light) = (sky && many_samples, sky && sampling.half_light > 0);
     let known = Workload {
-        // A bare mesh always gets lights. The program does not depend on the number of lights as long as
-        // there is at least one light.
+        // A bare mesh has lights, unless the user sets a sky or an empty list of lights. The program does not depend
+        // on the number of lights as long as there is at least one light.
         lights: 1,
         local_size,
         stack_size,
