@@ -1,7 +1,7 @@
 // Pixels that are shaded once. If a frame divides each pixel into 4 x 4 sub-pixels (see FrameSamples), a vector's rays
 // are the samples of one pixel. Mostly, all samples hit the same triangle, and their radiance hardly differs. A pixel
 // whose samples hardly differ is shaded only at their mean position, together with other pixels. In most variables
-// of this file, a lane belongs to a pixel, not to a ray. (A pixel is one ray vector, so the lanes are those of Slices.)
+// of this file, a lane belongs to a whole ray vector (as in Slices), and so to one pixel, not to a ray.
 //
 //     each sample shaded: a vector per pixel     pixels shaded once: a vector for 16 pixels
 //     pixel 0:   lane    0 1 2 3 4 ...           lane    0 1 2 3 4 ...
@@ -9,13 +9,13 @@
 //     pixel 1:   lane    0 1 2 3 4 ...
 //                sample  0 1 2 3 4 ...
 //
-// Each sample still has its own shadow ray. If a light reaches only some of a pixel's samples, each of the reached
-// samples is shaded at its own hit for this light (light_once.cl).
+// Each sample still has its own shadow ray. If a light reaches only some of a pixel's samples, the radiance that this
+// light causes is computed for each reached sample, at the sample's own hit (light_once.cl).
 
 // The largest estimated relative error of a pixel that is shaded once: a tenth of the tolerance of verification.
 #define ONCE_ERROR 1e-4f
-// If fewer than LEAST_ONCE pixels of a part (16 ray vectors, see PARTS) show a single triangle, the part is skipped:
-// shading each sample of so few pixels takes less time.
+// If fewer than LEAST_ONCE pixels of a part (16 ray vectors, see PARTS) show a single triangle, no pixel of the part is
+// shaded once: shading each sample of so few pixels takes less time.
 #define LEAST_ONCE 3
 
 // The positions of a frame's samples in their pixel, in units of a pixel's side.
@@ -70,7 +70,7 @@ SamplePositions sample_positions(const FrameSamples *samples) {
 
 // Returns those of the ray vectors in `hit` whose samples all hit the same triangle, one bit each. `triangles` receives
 // the triangles' indices in leaf order, one lane per vector; the lanes of other vectors get one of these indices, too,
-// so that every address is valid.
+// so that every lane can load a triangle.
 static uint vectors_on_one_triangle(const FrameSamples *samples, const Bundle *bundle, uint hit, varying_int *triangles) {
     IntLanes index[PARTS];
     uint found = 0;
@@ -111,7 +111,8 @@ Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const S
     right->depth = -t * dot3(across, m), below->depth = -t * dot3(down, m);
     right->point = scale(along(across, right->depth, d), t), below->point = scale(along(down, below->depth, d), t);
     right->eye = length_of(across) / length, below->eye = length_of(down) / length;
-    // If the hit moves by p, w1 changes by p . g1 / (n . n), since e1 . g1 = n . n and e2 . g1 = 0; w2 likewise by g2.
+    // If the hit moves by p, the barycentric weight w1 (of e1) changes by p . g1 / (n . n), since e1 . g1 = n . n and
+    // e2 . g1 = 0. The weight w2 (of e2) changes by p . g2 / (n . n).
     const Vec3 g1 = cross3(e2, n), g2 = cross3(n, e1);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]), n1 = vec3(normal[4], normal[5], normal[6]);
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]), turn1 = subtract(n1, n0), turn2 = subtract(n2, n0);
@@ -124,15 +125,17 @@ Mask find_planes(OncePixels *once, int part, const Triangles *triangles, const S
     right->turn = per * length_of(to_right), below->turn = per * length_of(to_below);
     right->stretch = per * fabs(dot3(to_right, mean->normal));
     below->stretch = per * fabs(dot3(to_below, mean->normal));
-    // Rounding would matter if e1 and e2 were nearly parallel, or if rays grazed the plane. If t differed by more than
-    // about a tenth between samples, their hits would be too far from a linear function of their positions.
+    // Rounding would matter if e1 and e2 were nearly parallel, or if rays grazed the plane. If a sample's t differed
+    // by more than about a tenth from the t at the mean position, the sample's hit would lie too far from the linear
+    // function of the sample's position that approximates it.
     return (least > 0.0f) & (squared > 0.0625f * dot3(e1, e1) * dot3(e2, e2)) &
            (fabs(d.x * m.x) + fabs(d.y * m.y) + fabs(d.z * m.z) < 20.0f * inv_t) &
            ((fabs(right->depth) + fabs(below->depth)) * samples->reach < 0.1f);
 }
 
-// Computes the boxes that contain the hits of all samples. The samples' positions lie in a rectangle, so their hits lie
-// in the quadrilateral in which the rays through the rectangle's corners meet the plane.
+// For each pixel, computes a box that contains the hits of all samples of the pixel. The samples' positions lie in a
+// rectangle, so the hits lie in a quadrilateral: the rays through the rectangle's corners meet the triangle's plane in
+// the corners of the quadrilateral.
 void bound_hits(OncePixels *once, int part, const SamplePositions *samples, varying depth, const PixelStep *right,
                 const PixelStep *below) {
     const Vec3 mean = once->mean[part].point;
@@ -148,8 +151,8 @@ void bound_hits(OncePixels *once, int part, const SamplePositions *samples, vary
         low = vec3(min(low.x, hit.x), min(low.y, hit.y), min(low.z, hit.z));
         high = vec3(max(high.x, hit.x), max(high.y, hit.y), max(high.z, hit.z));
     }
-    // find_planes returns only pixels for which rounding changes 1 / t by at most about 20 times the rounding error of
-    // one product.
+    // find_planes returns only pixels in which the relative rounding error of 1 / t is at most about 20 times that of a
+    // single product.
     const varying rounding = 1e-5f * depth + 1e-6f * (fabs(mean.x) + fabs(mean.y) + fabs(mean.z));
     const Vec3 wider = vec3(rounding, rounding, rounding);
     once->low[part] = subtract(low, wider), once->high[part] = add(high, wider);
@@ -181,17 +184,18 @@ static varying half_turn(const LightAtPixel *light, const PixelStep *step) {
 // the radiance. The radiance is proportional to the reflectance times cosine / r^2, where r is the light's distance.
 static varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
     const varying to_light = light_turn(light, step), turn = half_turn(light, step), s = light->shininess;
-    // `first` and `second` bound |g'| / g and |g''| / g for g = n . v / r^3 (v: hit to light). Per length, v / r^3 has
-    // derivatives of at most 2 / r^3 and 6 / r^4. A step is r to_light long. With b = step->turn, first is at most
-    // b + 2 to_light, and second b^2 + 2 b (stretch + depth) + 4 depth to_light + 4 b to_light + 6 to_light^2, all but
-    // b^2 per cosine. (The hit's path p bends where depth changes: |p''| = 2 depth |p'|.) The factors 3, 8, 4 suffice.
+    // `first` and `second` bound |g'| / g and |g''| / g for g = n . v / r^3 (v: hit to light). With respect to the
+    // hit's position, v / r^3 has first and second derivatives of at most 2 / r^3 and 6 / r^4. A step moves the hit by
+    // r * to_light. With b = step->turn, |g'| / g is at most b + 2 to_light, divided by the cosine. |g''| / g is at
+    // most b^2, plus 2 b (stretch + depth) + 4 depth to_light + 4 b to_light + 6 to_light^2, divided by the cosine.
+    // (The hit's path p bends where depth changes: |p''| = 2 depth |p'|.) The factors 3, 8 and 4 in the code suffice.
     const varying first = (step->turn + 3.0f * to_light) * light->per_cosine;
     const varying second = step->turn * (step->turn + 2.0f * step->stretch * light->per_cosine) +
                            (8.0f * to_light + 4.0f * step->depth) * (to_light + step->turn) * light->per_cosine;
-    // The highlight h is cos^s of the angle between half vector and normal. Relative to h and the angle `turn`, the
-    // first derivative of h is s tan, and the second at most s + s^2 tan^2. Two more products are at most the sums of
-    // the squares of their factors. One is the term 2 h' g' of (h g)'', where g = cosine / r^2. The other is 2 s tan
-    // turn * bend: `bend` is there because half vector and normal are no linear functions of the pixel.
+    // The highlight h is cos^s of the angle between half vector and normal. If this angle changed by exactly `turn` per
+    // step, |h'| / h would be s tan * turn, and |h''| / h at most (s + s^2 tan^2) turn^2. Two terms are added. One is
+    // the term 2 h' g' of (h g)'', where g = cosine / r^2. The other is 2 s tan * turn * bend, because half vector and
+    // normal are no linear functions of the pixel. Each of the two terms, 2 x y, is at most x^2 + y^2.
     const varying power = s + 3.0f * s * s * light->tangent_squared, bend = step->stretch + step->depth;
     return second + light->glossy * (turn * turn * power + first * first + bend * bend);
 }

@@ -80,8 +80,8 @@ uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits)
 static int leaf_stops(const SingleRay *ray, const Tree *tree, uint word) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     for (int first = LEAF_FIRST(word); first < end; first += TOGETHER) {
-        // In the last iteration, bits after the leaf's last triangle belong to triangles of other leaves or to padding,
-        // and are cleared.
+        // Clears bits 8 to 15. In the last iteration, also clears the bits after the leaf's last triangle: they belong
+        // to triangles of other leaves, or to padding.
         const uint own = (1u << min(end - first, TOGETHER)) - 1;
         if (SOLID_OF_LEAF(ray, tree, first, triangles_stopping(ray, tree, first) & own)) return 1;
     }
@@ -123,8 +123,8 @@ Mask rays_entering_root(const Tree *tree, const BoxProbe *probe, float reach, Ma
     return entering;
 }
 
-// Returns the lanes of `wanted` whose ray is stopped by a triangle before t = `reach`. Each ray that enters the box of a
-// child of the root is cast alone.
+// Returns the lanes of `wanted` whose ray is stopped by a triangle before t = `reach`. Each ray that enters the box of
+// a child of the root is cast alone.
 Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *direction, float reach, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(*from, *direction);
     const varying numbers[9] = {from->x, from->y, from->z, direction->x, direction->y, direction->z,
@@ -135,7 +135,7 @@ Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *direction
         const int lane = LOWEST_BIT(left);
         SingleRay ray;
         float per_direction[3];
-        // The vectors in `numbers` are read lane by lane through memory.
+        // Reads this ray's lane of each vector in `numbers`, by the lane's address in memory.
         for (int axis = 0; axis < 3; axis++) {
             ray.from[axis] = ((const float *)(numbers + axis))[lane];
             ray.direction[axis] = ((const float *)(numbers + 3 + axis))[lane];

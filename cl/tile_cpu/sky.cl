@@ -11,7 +11,7 @@ void add_mirrored_sky(const Lighting *lighting, const Shaded *shaded, const Pixe
 }
 #endif
 
-// Adds to `sum` the light of the sky that each hit reflects. One ray is cast from each hit. The probability density of
+// Adds to `sum` the light of the sky that each hit reflects. A hit casts at most one ray. The probability density of
 // the ray's direction is proportional to the direction's cosine with the normal, so the light to add is k_L
 // (`lambertian`) times the sky's radiance in this direction.
 void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int2 image_size,

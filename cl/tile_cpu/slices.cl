@@ -9,8 +9,8 @@
 // The smallest value of 1 / t: a lower bound of 1 / t keeps t finite.
 #define LEAST_INV_T 1e-37f
 
-// The reciprocals of the components of a tile's directions lie between low and high. If components of both signs, or
-// zeros, occur along an axis, the axis is *mixed*: each reciprocal is less than low or greater than high.
+// The reciprocals of the components of a tile's directions lie between low and high, except along *mixed* axes. Along a
+// mixed axis, components of both signs, or zeros, occur, and each reciprocal is less than low or greater than high.
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
@@ -46,8 +46,8 @@ typedef uint16 ChildWords;
 #endif
 #define UNUSED_CHILD ((uint)UNUSED_WORD)
 
-// The boxes of a node's children, relative to the rays' origin: the sides at which rays enter and leave. For each
-// child, `entry` is a lower bound of the t at which the tile's rays enter the child's box.
+// The boxes of a node's children, relative to the rays' origin. Rays enter at `near` and leave at `far`; along mixed
+// axes, some do the opposite. `entry` is a lower bound of the t at which the tile's rays enter a child's box.
 typedef struct {
     float near[3][NODE_WIDTH], far[3][NODE_WIDTH];
     Children entry;
@@ -136,8 +136,8 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (interval->mixed[axis]) {
-            // Along a mixed axis, rays with 1/d >= high enter at `near`, those with 1/d <= low at `far`. Only the
-            // product of the side that faces the origin is positive. If the origin lies between the sides, neither is.
+            // Along a mixed axis, rays with 1/d >= high enter at `near`, those with 1/d <= low at `far`. A product is
+            // positive only if its side faces the origin. If the origin lies between the sides, no product is positive.
             entry = max(entry, max(near * interval->high[axis], far * interval->low[axis]));
         } else {
             // A ray crosses a side at t = side * (1 / d). The earliest entry and the latest exit occur at ends of the

@@ -72,7 +72,7 @@ static float4 sum_of_samples(const FrameSamples *samples, float4 background, con
     return (float4)(red + missing * background.x, green + missing * background.y, blue + missing * background.z, count);
 }
 
-// Adds this frame's samples to the pixels' means in the image, if each ray vector of the tile belongs to one pixel.
+// For tiles in which each ray vector belongs to one pixel: adds this frame's samples to the pixels' means in the image.
 // `sums` has the sums of the pixels' samples, one float4 per vector.
 void store_sums(const FrameSamples *samples, const float4 *sums, __global float4 *restrict image, int2 image_size) {
     const int x = FIRST_COLUMN(0), y = FIRST_ROW(0);
@@ -98,8 +98,9 @@ void store_sums(const FrameSamples *samples, const float4 *sums, __global float4
 }
 #endif
 
-// Stores the radiance of a ray vector, like store_radiance. If the vector's block of pixels lies inside the image, and
-// the image's width is a multiple of four pixels, the function stores four pixels of a row at a time.
+// Stores the radiance of a ray vector, like store_radiance. Four pixels of a row are stored at a time if three
+// conditions hold: pixels are not divided into sub-pixels, the vector's block of pixels lies inside the image, and the
+// image's width is a multiple of four pixels.
 void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background,
                  const Vec3 *sum, const Pixels *pixels, Mask hits) {
 #if SAMPLED
@@ -126,7 +127,7 @@ void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_siz
     STORE_PIXELS(scdef, row + 3 * image_size.x);
 }
 
-// Stores the background in all pixels of the tile.
+// Stores the background for a tile whose rays hit nothing: in all pixels of the tile that get a sample in this frame.
 void store_background(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background) {
     const Vec3 none = splat(uniform3(0.0f, 0.0f, 0.0f));
 #if SAMPLED

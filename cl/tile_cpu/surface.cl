@@ -89,8 +89,8 @@ INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 
                                SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2, direction, hit.t);
 }
 
-// Loads the triangles that rays from the eye hit, and computes the hits. `d` are the rays' directions, of depth 1, and
-// `index` the triangles' indices in leaf order.
+// Loads the triangles that rays from the eye hit, and computes the hits. `d` are the rays' directions, of any length,
+// and `index` the triangles' indices in leaf order.
 void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Vec3 *d,
                          varying_int index, Mask hits, Shaded *shaded) {
     const Vec3 origin = splat(LOAD3((const float *)&eye));

@@ -19,9 +19,9 @@ static void fetch_child(const Tree *tree, uint word) {
 
 // Pushes onto the stack those children of a node that a ray vector of `live` meets. The nearest child is on top of the
 // stack, unless `any` is 1 (then, the order of children does not matter). `reach` is the largest t at which a ray of
-// the tile can hit something. Returns the new number of the stack's entries. To find a child's place in the stack, the
-// function counts the pushed children that the tile enters later, and that are thus below this child. An example with
-// three children, entered at t = 5, 2 and 9:
+// the tile can hit something. Returns the new number of the stack's entries. Unless `any` is 1, the function finds a
+// child's place in the stack by counting the pushed children that the tile enters later: they are below this child. An
+// example with three children, entered at t = 5, 2 and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,
@@ -72,7 +72,7 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
     float reach = furthest(slices);
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
-        // A ray vector is excluded if all its rays have hit something nearer than the box of `next` in the meantime.
+        // Leaves out vectors whose rays have all hit something nearer than `next` by now (with `any`: hit anything).
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {
@@ -80,8 +80,8 @@ void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const Su
             continue;
         }
         const uint changed = test_leaf(bundle, tree, next.word, live, any);
-        // With `any`, a vector whose rays are all blocked is finished. Without `any`, vectors with new hits have a
-        // smaller reach (largest t) now.
+        // With `any`, a vector whose rays are all blocked is finished. Without `any`, a vector with new hits may now
+        // have a smaller reach (largest t).
         if (any) {
             open &= ~changed;
         } else {
