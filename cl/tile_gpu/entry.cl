@@ -51,8 +51,9 @@
 #define EACH_RAY(ray) _Pragma("unroll") for (int ray = 0; ray < RAYS; ray++)
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
 
-// A ray joins a pass if its direction's component along the pass's axis is more than ALONG_AXIS times the direction's
-// 1-norm. The leader is the ray that determines the axis: its largest component is at least a third of its 1-norm.
+// A ray can join a pass only if its direction's component along the pass's axis is more than ALONG_AXIS times the
+// direction's 1-norm. The leader, the ray that determines the axis, can join: the component of its direction
+// along this axis is the largest, and so at least a third of the 1-norm.
 #define ALONG_AXIS 0.25f
 // A pass may be restricted to rays close to its leader (the ray that determines the pass's axis). The largest distance
 // of a ray from the leader is in this case NEIGHBOURS times the distance between neighbouring rays. A tile's rays to
@@ -98,12 +99,13 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 #include "tile_gpu/intersect/{intersector}.cl"
 
 // Returns the distance, in slopes (x and y per unit of z), between the leading ray of a pass and the rays of
-// neighbouring lanes. The leading ray determines the pass's axis; `leader` is its lane. `distance` is the distance of
-// this lane's ray from the leading ray (FAR if this lane has no ray). The result is the larger of two distances: to the
-// nearer neighbour in the row of the lane `leader`, and to the nearer one in its column. If only the row or only the
-// column has a neighbour with a ray, the result is the distance to this neighbour; if neither has one, the result is
-// FAR. In a block of 8 x 4 lanes, the index of a neighbour differs by 1 in a row, and by 8 in a column. At the block's
-// edge, the index wraps around to a more distant lane.
+// neighbouring lanes. The leading ray determines the pass's axis; `leader` is the leading ray's lane. Of this lane's
+// rays, the function considers the one with the leading ray's number: `distance` is its distance from the leading ray
+// (FAR if it cannot join the pass). Two neighbours of the lane `leader` count: the nearer one in its row, and the
+// nearer one in its column. The result is the larger of their distances. If only the row or only the column has a
+// neighbour with a ray, the result is the distance to this neighbour; if neither has one, the result is FAR. In a block
+// of 8 x 4 lanes, the index of a neighbour differs by 1 in a row, and by 8 in a column. At the block's edge, the index
+// wraps around to a more distant lane.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
@@ -120,9 +122,9 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
 // leading ray always belongs to its pass, unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
-    // All lanes choose the same lane, `leader`. The first remaining ray of this lane determines the pass's axis. If the
-    // lane in the middle of the tile still has a ray, all choose the middle lane, because its rays are closest to the
-    // others. Otherwise, the first lane that still has a ray is chosen.
+    // All lanes choose the same lane, `leader`. The first remaining ray of the lane `leader` determines the pass's
+    // axis. If the lane in the middle of the 8 x 4 lanes still has a ray, all choose this lane, because its rays are
+    // closest to those of the others. Otherwise, the first lane that still has a ray is chosen.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
     // `first` has a single bit: the bit of the leading ray among the rays of the lane `leader`. In every lane, `own` is

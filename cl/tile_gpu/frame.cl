@@ -2,17 +2,18 @@
 // casts shadow rays, for a limited number of lights at a time (a round of lights). shade.cl casts leftover shadow rays,
 // and shades the hits.
 
-// The tiles of a work-group form a square if possible, so that the tiles read the same part of the tree.
+// The tiles of a work-group form two columns if their number is even, else one column. In two columns, the tiles are
+// closer to each other, so that they read the same part of the tree.
 #ifndef TILES_ACROSS
 #error "TILES_ACROSS: tiles of a work-group side by side"
 #endif
 #define TILES_DOWN (LOCAL_Y / TILES_ACROSS)
 
 // A frame may cast several samples of each pixel. The frame's rays then form a grid that is finer than the image: each
-// pixel has 2^bits columns and 2^bits rows of rays. For 2 bits, the samples of a pixel lie in the grid like this:
+// pixel has 2^bits columns and 2^bits rows of rays. If `bits` is 2, the samples of a pixel lie in the grid like this:
 //
 //      0  1  2  3
-//      4  5  6  7      A tile has 8 x 8 rays, here of 2 x 2 pixels: the finer the grid, the
+//      4  5  6  7      A tile of 8 x 8 rays then covers 2 x 2 pixels: the finer the grid, the
 //      8  9 10 11      narrower the tile's shaft, and the fewer nodes the tile visits.
 //     12 13 14 15
 #if SAMPLED
@@ -43,7 +44,7 @@ INLINED int2 tile_in_row(Group *group, int row) {
 
 #if SAMPLED
 // Packs the first column and row of a tile into one register. Tiles begin at multiples of 8 x 4 rays. An image of at
-// most 65,536 pixels across and down has at most 262,144 rays across and down, so each quotient fits into 16 bits.
+// most 65,536 pixels across and down has at most 262,144 rays across and down, so these quotients fit into 16 bits:
 //
 //     31 ... 16 | 15 ... 0
 //     row / 4   | column / 8
@@ -194,8 +195,8 @@ INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Direc
 // The largest number of passes: at most one for each of the two directions of each axis. A pass takes all rays whose
 // component along the pass's axis is more than `ALONG_AXIS` times the direction's 1-norm. The ray that determines a
 // pass's axis has its largest component along this axis: at least a third of the 1-norm (the sum of the components'
-// absolute values). A pass therefore takes all rays that could determine the axis of another pass in the same
-// direction. Rays whose direction is not a number (NaN) belong to no pass.
+// absolute values). A pass therefore takes all rays that could begin another pass with the same axis and the same
+// direction along it. Rays whose direction is not a number (NaN) belong to no pass.
 #define MOST_PASSES 6
 
 // For each of a tile's rays from the eye, finds the nearest triangle and stores the triangle's index in leaf order, or
@@ -220,8 +221,7 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
         todo &= ~active;
     }
     uint hits = 0;
-    // The result of every ray of the tile inside the image is stored, even if the ray hit nothing, since shading reads
-    // all results.
+    // The result of every ray that is cast is stored, even if the ray hit nothing, since shading reads all results.
     EACH_RAY(ray) {
         const EyeRay eye_ray = tile_ray(group, ray, grid);
         if (eye_ray.inside) nearest[index_of(eye_ray, grid)] = packet.leaf_index[ray];

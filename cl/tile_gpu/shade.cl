@@ -33,7 +33,7 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
         const float x = component(direction.x, direction.y, direction.z, shaft.across) * per_depth;
         const float y = component(direction.x, direction.y, direction.z, shaft.down) * per_depth;
         widen(&shaft, x, x, y, y);
-        // `left & (0u - left)` is the lowest bit of `left`, which belongs to this light.
+        // `left & (0u - left)` is the lowest set bit of `left`, which belongs to this light.
         if (!is_blocked(group, tree, &shaft, surface_point.point, x, y, per_depth, stack))
             reached |= left & (0u - left);
     }
@@ -107,7 +107,7 @@ INLINED void load_material(const __global float *material, Surface *surface) {
 INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reached, const Surface *surface,
                       SurfacePoint surface_point, Vec3 to_eye) {
     Vec3 sum = vec3(0.0f, 0.0f, 0.0f);
-    // Each step takes the lowest bit of `reached`, which belongs to the next light that reaches the hit.
+    // Each step takes the lowest set bit of `reached`, which belongs to the next light that reaches the hit.
     for (; reached; reached &= reached - 1) {
         const __global float *light = lights + LIGHT_FLOATS * LIGHT_OF_BIT(LOWEST_BIT(reached));
 #if SOFT
@@ -159,7 +159,8 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #define SHADE_PARAMETERS TEXTURE_PARAMETERS COLOUR_PARAMETER EMITS_PARAMETER SOURCES_PARAMETER
 #define SHADE_ARGUMENTS TEXTURE_ARGUMENTS COLOUR_ARGUMENT EMITS_ARGUMENT SOURCES_ARGUMENT
 
-// Adds to `sum` the radiance from those lights of a round that reach a pixel; `reached` has a bit for each of them.
+// Adds to `sum` the radiance that a pixel's hit sends to the eye in a round of lights. `reached` has a bit for each
+// light of the round that reaches the hit.
 INLINED void shade_pixel(SHADE_PARAMETERS const Tree *tree, const __global float *surfaces,
                          const __global float *materials, CAMERA_PARAMETERS, EyeRay eye_ray, int leaf_index,
                          const __global float *lights, uint reached, float4 *sum) {
@@ -224,8 +225,8 @@ INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 gr
 
 // Shades the nearest hits by those lights of one round of lights that reach them. AFTER_ROUND combines the result with
 // the image. If no other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast
-// these rays and shade their pixels. Leftover shadow rays are few, but each takes long. While they are cast, the
-// work-groups of all other rows shade the pixels without leftover shadow rays.
+// these rays and shade their pixels. Each leftover shadow ray takes long. While these rays are cast, the work-groups of
+// all other rows shade the pixels without leftover shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES

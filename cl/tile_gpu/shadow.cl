@@ -1,5 +1,5 @@
-// Casts the shadow rays of a round of lights: the lights whose shadow rays one run of a kernel casts. Shadow rays run
-// from each light to the hits that face it.
+// Casts the shadow rays of a round of lights (lights that a frame processes together). Shadow rays are tested from
+// a light to the hits that face it. Only rays without a common origin (soft.cl) start at hits.
 
 // SHADOW_PASSES and SHADOW_BUDGET limit the work for one tile and one light: the number of passes, and the number of
 // nodes and leaves that all passes together take from the stack. A pass casts rays that are close to each other. At
@@ -22,7 +22,7 @@
 //     ray        1  0  1  0  1  0
 //
 // BITS_OF_PIXEL(word, 1) returns the pixel's word of ray 1: it shifts the bits of ray 1 to bits 0, 2, 4, ... and clears
-// all other bits: 0xffffffff / 3 is 0x55555555, in which every second bit is set.
+// all other bits. (0xffffffff / 3 is 0x55555555, in which every second bit is set.)
 #define BITS_OF_LIGHT(bits, light) ((bits) << RAYS * (light))
 #define LIGHT_OF_BIT(bit) ((bit) / RAYS)
 #define BITS_OF_PIXEL(bits, ray) ((bits) >> (ray) & 0xffffffffu / ((1u << RAYS) - 1u))
@@ -91,8 +91,8 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
 // which lights the surface faces, and where the shadow rays from these lights end.
 INLINED SurfacePoint surface_point_for_lights(const Tree *tree, const __global float *surfaces, CAMERA_PARAMETERS,
                                               EyeRay eye_ray, int leaf_index) {
-    // The triangle's edge planes give t and weights quickly, but in slivers (thin triangles), with rounding errors too
-    // large for shading. Smooth shadows also need the triangle's corners.
+    // The triangle's edge planes give t and weights quickly. In slivers (thin triangles), the rounding errors of t and
+    // weights are too large for shading. Smooth shadows also need the triangle's corners.
 #if PLANES_OF_ORIGIN && !SMOOTH_SHADOWS
     const __global float4 *planes = planes_for(tree, 0) + leaf_index;
     const __global float *normals = surfaces + NORMAL_FLOATS * (size_t)leaf_index;

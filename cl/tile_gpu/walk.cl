@@ -8,7 +8,7 @@ typedef struct {
 } Child;
 
 // Tests whether the shaft (the volume of a pass's rays) meets this lane's child of a node at a z less than `reach`.
-// Because of rounding, the test may report a child that the shaft misses, but never overlooks one that the shaft meets.
+// The test may report a child that the shaft misses, but never overlooks a child that the shaft meets.
 INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
     const uint at = NODE_STRIDE * node; // less than 2^32: a tree has at most 2^25 triangles, and far fewer nodes
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
@@ -23,9 +23,9 @@ INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // Along x, the shaft (the rays' volume) lies between a low and a high side. A side's x is the side's slope times z;
-    // within the child's box, a side's x is least and greatest at z = near and z = far. The shaft can meet the box only
-    // if the box overlaps the range from the low side's least x to the high side's greatest x. Likewise along y.
+    // Along x, the shaft lies between two planes, x = low_x * z and x = high_x * z. In the child's box, the least and
+    // the greatest x of a plane are at z = near and z = far, in either order. The shaft can meet the box only if the
+    // box overlaps the range from the least x of the low plane to the greatest x of the high plane. Likewise along y.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -179,8 +179,8 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, RayPacket *
             entry = as_float(top.y);
         }
         going = entry < reach;
-        // If the budget is used up, the remaining rays become leftover shadow rays. Leftover rays are few, but take
-        // long, so it is faster if a whole group of 32 lanes casts each of them.
+        // If the budget is used up, the remaining rays become leftover shadow rays. These rays are few, but take long,
+        // so it is faster if a whole group of 32 lanes casts each of them.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read

@@ -3,7 +3,8 @@
 // tile_gpu/intersect/edge_planes.cl, but loads them from a table. The kernel tile_prepare computes the table: once per
 // frame for the eye, and once per round of lights (see shadow.cl) for the round's lights. For each origin, the table
 // has three arrays, one for each axis. For each triangle, an array has a quad (float4): the components, along the
-// array's axis, of three planes and of 1/z. Three loads, one per array, read all planes, whatever the pass's axes.
+// array's axis, of the three planes and of the linear function 1/z. Three loads, one per array, read all planes of a
+// triangle, whatever the pass's axes.
 
 // The table of planes for one origin (the eye or a light). In each array, the triangles are in leaf order, so that
 // neighbouring lanes load neighbouring quads:
@@ -85,9 +86,9 @@ __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
         origin ? LOAD3(lights + LIGHT_FLOATS * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     Tree tree;
     tree.leaves = leaves;
-    // The last argument of planes_of, the sign for front faces, is negative for rays from the eye. A shadow ray runs to
-    // its light, but is tested from the light, so it meets the side that faces away from the light. The sign for front
-    // faces is therefore positive for shadow rays.
+    // The last argument of planes_of, the sign for front faces, is negative for rays from the eye. A shadow ray runs
+    // from a hit to the light, but is tested in the opposite direction, from the light. The sign is therefore reversed
+    // for shadow rays.
     const Row row = planes_of(leaf_corners(&tree, index), from, origin ? 1.0f : -1.0f);
     __global float4 *quads = prepared + 3 * (size_t)origin * count + index;
     quads[0] = (float4)(row.a.x, row.b.x, row.c.x, row.u);

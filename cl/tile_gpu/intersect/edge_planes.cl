@@ -9,7 +9,7 @@
 
 // Returns the plane through the origin and an edge. `edge` is p - q; the edge's ends p and q are relative to the
 // origin. The plane is multiplied by `scale`, so that the overlap of neighbouring triangles becomes 1, and this 1 is
-// added. Before the 1 is added, swapping the ends p and q changes only the signs of all components. Neighbouring
+// added. Before the 1 is added, swapping the ends p and q reverses all signs and changes nothing else. Neighbouring
 // triangles overlap by half of the usual overlap (SHARED_EDGE_SLACK, see common/hit.cl). (Measured on a GPU: with the
 // usual overlap, one of two million pixels of a terrain is wrongly dark. With half of it, no pixel is wrongly dark, and
 // none of 60,516 rays aimed at edges and vertices slips through.)

@@ -1,10 +1,11 @@
 // Prepares and tests a leaf's triangle for the rays of a pass, as in cast/intersect/watertight.cl: corners are sheared
-// along the ray, and edge functions are differences of two products, each rounded separately. Rays are sheared along
-// the axis of the pass, not along the axis of each direction's largest component. The test stays watertight: a ray has
-// the same axis for all triangles, so a corner that two triangles share is sheared in the same way. A prepared triangle
-// contains the corners along the pass's axes, relative to the origin. The corner `a` has a fourth component: the sign
-// that `det`, the sum of the edge functions, has for front faces. This sign is reversed in two cases: for rays that run
-// against the axis (their coordinates are mirrored), and for shadow rays (they are tested from their light):
+// so that the ray becomes the z axis, and edge functions are differences of two products, each rounded separately. For
+// all rays of a pass, z is the axis of the pass, not the axis of the largest component of a ray's own direction. The
+// test stays watertight: a ray has the same axis for all triangles, so a corner that two triangles share is sheared in
+// the same way. A prepared triangle contains the corners along the pass's axes, relative to the origin. The corner `a`
+// has a fourth component: the sign that `det`, the sum of the edge functions, has for front faces. This sign is
+// reversed in two cases: for rays that run against the axis (their coordinates are mirrored), and for shadow rays (they
+// are tested from their light). A prepared triangle:
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 
@@ -17,7 +18,7 @@ INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
 
 // Prepares the triangle at an index in leaf order. Returns 1 if any ray of the shaft may hit the triangle at a 1/z
 // greater than `worst` (the smallest 1/z at which a hit matters), else 0. The function's bounds allow for many times
-// the rounding error of is_hit, so that no ray that hits is excluded.
+// the rounding error of is_hit, so that no triangle is excluded for which is_hit returns 1.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, index, &a, &b, &c);
@@ -35,7 +36,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     const float slack = rounding * (distance + size1 + size2) * (size1 + size2);
     const float doubt = rounding * (distance + size1 + size2) * size1 * size2;
     const float height = uniform_dot(a, n), size = fabs(height) - doubt;
-    // Seen edge-on: is_hit decides, unless the rays start in the triangle's plane and a corner is behind their start.
+    // If the triangle is seen edge-on, is_hit decides. But if the rays start in the triangle's plane, and a corner is
+    // behind their start, the triangle is excluded.
     if (size <= 0.0f)
         return fmin(fmin(a.z, b.z), c.z) >= 0.0f || !starts_in_plane(vec3(a.x, a.y, a.z), vec3(n.x, n.y, n.z));
     const float turn = height < 0.0f ? -1.0f : 1.0f;
