@@ -246,7 +246,7 @@ Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int
     const Mask smooth = bound_highlight(mean, direction.to_light, power, samples->reach, right, below, lit, &light);
     const varying second = second_derivative(&light, right) + second_derivative(&light, below);
     // The light is on the same side of the surface for all samples if the angle between normal and light, in radians,
-    // changes by less than the angle's cosine. The factor 4 leaves a margin.
+    // changes by less than the absolute value of the angle's cosine. The factor 4 leaves a margin.
     const varying turn = right->turn + below->turn + 2.0f * once->radius[part] * direction.per_distance;
     const Mask one_side = 4.0f * turn * light.per_cosine < 1.0f;
     // The mean of a function differs from the function's value at the mean position by about half its second derivative
