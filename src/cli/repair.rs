@@ -38,10 +38,10 @@ pub struct Args {
 /// command says what to do. If the folder is that of an experiment in shards, the journals of all attempts
 /// are repaired too, except those of attempts that may be running. A running attempt increases a counter once
 /// per second. If some attempts have not reported their end, the repair reads the counters of all attempts
-/// twice, five seconds apart. An attempt whose counter has not increased was lost, so its journals are
-/// repaired. If a mistake of the user, such as a link in the place of a file, prevents the repair of an attempt, the
-/// other attempts are repaired, and the command then ends with an error. If a file cannot be written, the command
-/// prints what it has repaired, and ends with an error.
+/// twice, five seconds apart. If an attempt has a counter that has not increased, and has not reported its end, the
+/// attempt was lost, so its journals are repaired. If a mistake of the user, such as a link in the place of a file,
+/// prevents the repair of an attempt, the other attempts are repaired, and the command then ends with an error. If a
+/// file cannot be written, the command prints what it has repaired, and ends with an error.
 pub fn run(args: Args) -> Result<()> {
     let findings = Findings::of(&args.folder, BETWEEN)?;
     findings.print(args.json)?;
@@ -62,7 +62,7 @@ const WAIT: &str = "wait until that run ends";
 /// What `raycl repair` found in a folder of results.
 #[derive(Default)]
 struct Findings {
-    /// The journals that were damaged, with the paths of their folders.
+    /// The journals that were repaired, each with the path of the copy of its original.
     repaired: Vec<Repaired>,
     /// The errors about unreadable files that are not journals, such as plan.json, and about files that prevent the
     /// repair of an attempt.
@@ -408,7 +408,7 @@ mod tests {
         std::os::unix::fs::symlink(out.join("elsewhere"), attempts[1].join(SAMPLES)).unwrap();
         let findings = Findings::of(out, Duration::ZERO).unwrap();
         assert_eq!(findings.repaired.len(), 1, "{}", findings.text());
-        // The error about the link replaces the report on the attempt's journals, so none of them was changed.
+        // One of the journals of this attempt is a link, so raycl reports an error and changes none of these journals.
         assert_eq!(std::fs::read_to_string(attempts[1].join(RECORDS)).unwrap(), "rubbish\n");
         let messages: Vec<String> = findings.unreadable.iter().map(Error::to_string).collect();
         assert!(messages.len() == 2 && messages.iter().all(|it| it.contains("it is a link")), "{messages:?}");

@@ -61,7 +61,7 @@ pub struct Args {
     /// --device, --set, --resume, --no-wait or --verbose
     #[arg(long, conflicts_with_all = ["device", "set", "resume", "retry_failed", "no_wait", "verbose"])]
     page_only: bool,
-    /// Print neither the progress, nor the answer, nor the paths of written files
+    /// Print neither the progress, nor the devices' answers to the paper's question, nor the paths of written files
     #[arg(short, long)]
     quiet: bool,
     /// Print a line for every finished point, instead of a progress bar. Not with --quiet
@@ -158,8 +158,8 @@ fn resuming(args: &Args, variables: &[Setting]) -> String {
     command_line(variables, &words)
 }
 
-/// Prints the devices' answers (on a server, nobody sees the page), the path of each config's report, and the path of
-/// the page.
+/// Prints the devices' answers, the path of each config's report, and the path of the page. (The page contains the
+/// answers too, but the user of a server may be unable to view a page.)
 fn say_result(args: &Args, (page, answers): &(PathBuf, String)) -> Result<()> {
     if args.quiet {
         return Ok(());
@@ -214,8 +214,8 @@ fn holds_none(out: &Path) -> String {
     format!("{} holds no results of the paper's configs", out.display())
 }
 
-/// Returns the error if there are no results for the page. The error's help says which folder `--out` must
-/// name.
+/// Returns an error with the text `message`, for a folder without results for the page. The error's help says which
+/// folder `--out` must name.
 fn no_results(message: String) -> Error {
     let names = CONFIGS.map(|(name, _)| name).join(", ");
     Error::input(message).with_help(format!(

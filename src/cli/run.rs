@@ -106,7 +106,9 @@ pub struct Args {
     /// If another process is measuring on a selected device, end at once instead of waiting for it
     #[arg(long)]
     pub(super) no_wait: bool,
-    /// Measure nothing; print every point and the memory that it needs. With --resume, also print which points are done
+    /// Measure nothing; print every point, whether it fits on its device, and how much __local, __constant and scratch
+    /// memory it needs. (Scratch memory is global memory for working vectors.) With --json, also print how much private
+    /// and other global memory the point needs. With --resume, also print which points are done
     #[arg(long)]
     dry_run: bool,
     /// Change a value of the config; may be given several times
@@ -302,8 +304,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let experiment = config::load(&args.config, &args.set)?;
     let peak = peak_of_file(args)?;
     let out = folder_of_results(args, &experiment)?;
-    // From here on, Ctrl-C and SIGTERM only set a flag, so that the run can end in order. This process starts no
-    // driver: child processes list the devices and measure the points.
+    // From here on, the first Ctrl-C or SIGTERM only sets a flag, so that the run can end in order. This process starts
+    // no driver: child processes list the devices and measure the points.
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
@@ -463,8 +465,8 @@ fn names_devices(args: &Args, experiment: &Experiment) -> bool {
 }
 
 /// Returns the words that select devices: the words of `--device` or, without this option, the words in the
-/// config. If neither `--device` nor the config names a device, returns the word that selects devices in the
-/// user's settings. If the settings name no device, returns `all`.
+/// config. If neither `--device` nor the config names a device, returns the word in `RAYCL_DEVICE` or, without this
+/// environment variable, in the user's settings file. If these name no device either, returns `all`.
 fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     match (args.device.as_slice(), experiment.devices.as_slice()) {
         ([], []) => vec![settings::device().unwrap_or_else(|| "all".to_owned())],
@@ -473,8 +475,9 @@ fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     }
 }
 
-/// Prints the plan of the run, for `--dry-run`. Returns the errors that the run would report before it measures. A
-/// folder that already holds results is no error, but a note: the plan does not depend on these results.
+/// Prints the plan of the run, for `--dry-run`. Returns an error if the run would refuse its arguments, its config, its
+/// scenes, its devices or its folder of results. A folder that already holds results is no error, but a note: the plan
+/// does not depend on these results. Locks are not checked, since other processes may release them before the run.
 fn foresee(args: &Args) -> Result<()> {
     let sources = two_kernels::sources(args, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
@@ -665,7 +668,7 @@ mod tests {
         }
     }
 
-    /// A run that measures peak rates would start a process, and then notice the interruption.
+    /// The flag `interrupted` is set, so this test would fail with an error if peak rates were measured.
     #[test]
     fn peak_rates_that_the_folder_has_are_not_measured_again() {
         let experiment = fixtures::experiment("local_sizes = [4]");

@@ -98,7 +98,8 @@ struct Report {
     /// The number of primary and shadow rays of the frames that `timed_frames` counts, divided by the device time of
     /// these frames; null if this time is 0.
     rays_per_s: Option<f64>,
-    /// Notes from the last time that the scene was read, for example that a file could not be read.
+    /// Notes about the scene as it was last read and, if the system refuses to watch the scene's files, a note that
+    /// says why.
     notes: Vec<String>,
 }
 

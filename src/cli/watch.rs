@@ -16,8 +16,7 @@ use std::time::{Duration, Instant, SystemTime};
 /// not listed: a picture counts only if raycl has read it, for example as a texture. So raycl does not render
 /// again when another command writes a picture.
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
-/// A changed file counts as complete if this much time has passed since its last change, since editors write
-/// a file in several steps.
+/// Editors write a file in several steps. The changes count as complete when no file has changed for this time.
 const QUIET: Duration = Duration::from_millis(80);
 /// The remedy if the system watches no further folders for this user.
 const MORE_WATCHES: &str = "the system may limit the number of watched files; on Linux, raise \
@@ -48,8 +47,9 @@ pub struct Watched {
     /// The folders of files that raycl has read. Each of these folders is watched by itself, or is covered by
     /// the watch on a folder that was given to [`Watched::new`].
     of_inputs: BTreeSet<PathBuf>,
-    /// The time when raycl last began to watch the folders of the files that it had read until then. Files that were
-    /// read after this time may lie in folders that are not watched yet.
+    /// The time of the last call of [`Self::follow`], which begins to watch the folders of the files that raycl has
+    /// read; before the first call, the time of [`Self::new`]. Files that were read after this time may lie in folders
+    /// that are not watched yet.
     since: SystemTime,
     inputs: &'static Inputs,
 }
@@ -113,8 +113,9 @@ impl Watched {
     /// Begins to watch again the folders that have been replaced since the last call; each replacement counts
     /// as a change. A folder also counts as replaced if a link in its path now leads to another folder. The
     /// function also begins to watch the folders of files that have been read since the last call. If one of
-    /// these files was modified before its folder was watched, this counts as a change too. So does a link in the path
-    /// of such a file that now leads elsewhere; the new folder is watched once the file has been read again.
+    /// these files was modified after the last call, before its folder was watched, this counts as a change too. A
+    /// change is also counted if a link in the path of any file that raycl has read now leads elsewhere. The folder to
+    /// which the link now leads is watched once the file has been read again.
     fn follow(&mut self) {
         if self.inputs.lead_elsewhere() {
             self.changed_at = Some(Instant::now());
@@ -208,8 +209,8 @@ fn numbers(_: &Metadata) -> [u64; 2] {
     [0; 2]
 }
 
-/// Returns the canonical path of a folder. The paths in events begin with the watched folder and are compared with
-/// canonical paths, so the folder must be canonical. Returns an error if the folder cannot be read.
+/// Returns the canonical path of a folder. The paths in events begin with the path by which the folder is watched, and
+/// are compared with canonical paths, so this path must be canonical. Returns an error if the folder cannot be read.
 fn resolved(folder: &Path) -> Result<PathBuf> {
     folder.canonicalize().map_err(|error| {
         let otherwise = "check the path of the scene, and that of --cl-dir if it is given";
@@ -428,7 +429,7 @@ mod tests {
         assert_eq!([followed(), followed()], [(path("b"), true), (path("b"), false)]);
     }
 
-    /// Neither the link's name nor its folder is watched.
+    /// The folder that contains the link is not watched, so no event reports that the link was replaced.
     #[cfg(unix)]
     #[test]
     fn a_link_in_the_path_of_a_file_that_leads_elsewhere_is_a_change() {

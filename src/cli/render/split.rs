@@ -33,7 +33,7 @@ struct Report {
     /// The longest device time among the devices. The longest device time is the time of the whole frame,
     /// since all devices cast their parts of the frame at the same time.
     frame_ms: f64,
-    /// The longest upload time of a device.
+    /// The longest upload time among the devices.
     upload_ms: f64,
     /// The longest time that a device takes to send its rows back.
     read_ms: f64,
@@ -49,8 +49,8 @@ struct Report {
     total_ms: f64,
     verified: Option<Verification>,
     output: String,
-    /// Remarks for the user: parts of the scene's file that were ignored or replaced by defaults, lights with a radius
-    /// that were treated as points, and a raycl built from uncommitted sources.
+    /// Remarks for the user, for example about parts of the scene's file that were ignored or replaced by defaults, or
+    /// about a raycl built from uncommitted sources.
     notes: Vec<String>,
 }
 
@@ -174,7 +174,8 @@ fn cast(
     split.cast(castings)
 }
 
-/// Prints the report; to standard error if the picture goes to standard output.
+/// Prints the report: with `--json` as JSON, otherwise as text, unless `--quiet` is given. The report goes to standard
+/// error if the picture goes to standard output.
 fn tell(args: &Args, report: &Report, streams: bool) -> Result<()> {
     super::super::print_report(report, || text(report), streams, (args.json, args.quiet))
 }
@@ -232,8 +233,8 @@ fn text(report: &Report) -> String {
     lines.join("\n")
 }
 
-/// Returns the number of primary and shadow rays of a frame with `samples` samples per pixel. `hits` is the
-/// number of pixels whose primary ray hits a triangle.
+/// Returns the number of primary and shadow rays of a frame with `samples` samples per pixel. `hits` is the number of
+/// pixels in which at least one primary ray hits a triangle. In these pixels, each primary ray counts as a hit.
 fn rays(scene: &Scene, image_size: [u32; 2], hits: usize, samples: u32) -> f64 {
     let [width, height] = image_size.map(f64::from);
     let shadow_rays = hits * scene.shadow_rays_per_hit();

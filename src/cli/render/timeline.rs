@@ -42,9 +42,9 @@ impl Timeline {
         self.ends_with(part, &[]);
     }
 
-    /// Ends the part of the work with the name `part`, which began when the previous part ended. `others`
-    /// lists other parts of the work that were done in the same time, with their durations in milliseconds.
-    /// These durations are subtracted from the duration of `part`.
+    /// Ends the part of the work with the name `part`, which began when the previous part ended. `others` lists other
+    /// parts of the work that were done since then, with their durations in milliseconds. These durations are
+    /// subtracted from the duration of `part`.
     pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {
         let now = Instant::now();
         let mut left_ms = now.duration_since(self.last).as_secs_f64() * 1e3;

@@ -1,5 +1,6 @@
-//! Lets the background processes of one cache work one at a time. If the background processes of many `raycl render`
-//! commands in a row compiled at the same time, each of these processes would need about 150 MB of memory.
+//! Lets the background processes that store into the same cache work one at a time. Each `raycl render` may start a
+//! background process, which needs about 150 MB of memory while it compiles. After many commands in a row, these
+//! processes would otherwise all compile at the same time.
 
 use std::fs::{File, TryLockError};
 use std::path::Path;
@@ -11,8 +12,8 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 
 /// The right to work with a cache. Dropping the right, or the end of the process, lets the next process work.
 pub struct Turn {
-    /// The cache's folder, which this process has locked; `None` if the system cannot lock folders, so that all
-    /// processes work at once.
+    /// The cache's folder, which this process has locked. `None` if the folder cannot be opened or locked; then,
+    /// nothing keeps other processes from working at the same time.
     _folder: Option<File>,
 }
 

@@ -7,8 +7,8 @@ use crate::record::journals::RECORDS;
 use crate::record::{Record, read_lines};
 use std::path::{Path, PathBuf};
 
-/// Returns the expected duration of the run, from earlier records of points with the same names or strategies. `past`
-/// contains this run's results so far.
+/// Returns the expected duration of the run. The time of a point comes from earlier records with the same scene, device
+/// and strategy. `past` contains this run's results so far.
 pub fn foreseen(run: &Run<'_>, out: &Path, past: &Past) -> Result<Expected> {
     run.expected(&earlier(out), past)
 }

@@ -102,8 +102,8 @@ mod tests {
         // folder with the highest number in its name is the latest folder.
         std::fs::remove_dir(numbered("-2")).unwrap();
         assert_eq!(default_folders(), [numbered("-3"), numbered("-4")]);
-        // No run of the config `quick` makes a folder whose name is `quick` with one of the endings below,
-        // and no run makes a file in place of a folder.
+        // Folders with the endings below do not count as folders of the config `quick`. Neither does the file
+        // `quick-4`, but its name is taken.
         for other in ["-1", "-05", "-+5", "-6a", "er-7", "-", "-2026", "-20261128"] {
             std::fs::create_dir(numbered(other)).unwrap();
         }

@@ -9,9 +9,10 @@ use crate::strategy::Requirements;
 use crate::words::counted;
 use std::collections::HashSet;
 
-/// Prints for every point how many bytes of memory it needs, and whether it fits on its device. Without `json`, also
-/// prints notes on the points' scenes, `more_notes` and the expected duration of the run. With `json`, standard output
-/// has only the points (with the notes on their scenes), so `more_notes` go to standard error.
+/// Prints for every point whether it fits on its device, and how many bytes of `__local`, `__constant` and scratch
+/// memory it needs. With `json`, also prints how many bytes of private and other global memory the point needs. Without
+/// `json`, also prints notes on the points' scenes, `more_notes` and the expected duration of the run. With `json`,
+/// standard output has only the points (with the notes on their scenes), so `more_notes` go to standard error.
 pub fn forecast(points: &[Forecast], more_notes: &[String], expected: &Expected, json: bool) -> Result<()> {
     if json {
         more_notes.iter().for_each(|note| printer::tell(printer::plain(&format!("note: {note}"))));

@@ -15,9 +15,9 @@ const INTERRUPTED: i32 = 130;
 /// its signal twice within microseconds: to its child process, and to the process group of this child.
 const APART: Duration = Duration::from_millis(300);
 
-/// The flags that signals set, and that all runs of this process share. If each run had flags of its own, a
-/// signal between two runs of `raycl reproduce` would set only the flags of finished runs. Nobody would read
-/// these flags any more.
+/// The flags that signals set, and that all runs of this process share. One `raycl reproduce` consists of several runs.
+/// If each run had flags of its own, a signal between two of these runs would set only the flags of finished runs.
+/// Nobody would read these flags any more.
 static FLAGS: OnceLock<std::io::Result<Flags>> = OnceLock::new();
 
 struct Flags {
@@ -45,8 +45,9 @@ pub fn forget_interruption() {
     }
 }
 
-/// Returns new flags. Installs handlers for SIGINT and SIGTERM: the first signal sets the flag
-/// `interrupted`, and the second ends raycl. A thread waits for the first signal, and then for the time `APART`.
+/// Returns new flags. Installs handlers for SIGINT and SIGTERM: the first signal sets the flag `interrupted`, and the
+/// second ends raycl. A thread waits for the first signal, and then for the time `APART`. Only then does the thread set
+/// the flag because of which the next signal ends raycl.
 fn registered() -> std::io::Result<Flags> {
     let [interrupted, ends_at_once] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
     for signal in [SIGINT, SIGTERM] {

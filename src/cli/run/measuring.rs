@@ -14,8 +14,8 @@ use std::sync::atomic::AtomicBool;
 
 /// The largest number of builders (groups of processes that compile programs before workers need them).
 const MOST_BUILDERS: usize = 16;
-/// Device memory that is reserved per builder, in bytes. A driver needs some hundreds of megabytes for each process
-/// that opens the device.
+/// Bytes of device memory per builder, by which the number of builders is limited. A driver needs some hundreds of
+/// megabytes for each process that opens the device.
 const BYTES_PER_BUILDER: u64 = 1 << 30;
 
 /// Measures the missing points; workers write their pictures into `folder`.

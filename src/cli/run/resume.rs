@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(usual, "raycl run a.toml --out b --resume");
     }
 
-    /// If `RAYCL_DEVICE` or a driver's variable were missing, the run would continue on other devices.
+    /// If `RAYCL_DEVICE` or a driver's variable were missing, the run could continue on other devices.
     #[test]
     fn the_command_that_continues_sets_the_variables_that_decide_what_is_measured() {
         let value = |name: &str| match name {

@@ -127,8 +127,8 @@ struct Part<'a> {
 impl Part<'_> {
     fn measure(&self, interrupted: &AtomicBool) -> Result<Vec<Record>> {
         let devices = self.run.devices.iter().map(|device| identity(device)).collect();
-        // If neither the command nor the config names a device, the user's settings select the devices by a
-        // word, such as `gpu`. In this case, the attempt stores this word of the settings.
+        // If neither the command nor the config names a device, `RAYCL_DEVICE` or the user's settings file may select
+        // the devices by a word, such as `gpu`. In this case, the attempt stores this word.
         let is_named = super::names_devices(self.args, self.run.experiment);
         let about = About {
             device: settings::device().filter(|_| !is_named),
@@ -172,10 +172,10 @@ impl Part<'_> {
         super::measuring::execute(self.args, run, &attempt.folder, &mut results, observer, interrupted)
     }
 
-    /// Writes one file for each kind of device on which this shard measures; the file contains the keys of
-    /// the points. Writes nothing if the files of all these kinds of devices exist already. `own` contains
-    /// this shard's points, as indices into the plan. The host counts as a kind of device if baselines (ray
-    /// casters on the host) are among this shard's points.
+    /// Writes one file for each kind of device on which this shard measures. The file contains the keys of all points
+    /// of the experiment on this kind of device, including points of other shards. Writes nothing if the files of all
+    /// these kinds of devices exist already. `own` contains this shard's points, as indices into the plan. The host
+    /// counts as a kind of device if baselines (ray casters on the host) are among this shard's points.
     fn write_kinds(&self, own: &[usize]) -> Result<()> {
         let plan = self.run.plan_of_one_device();
         let mut own_points = own.iter().filter_map(|index| plan.points.get(*index));

@@ -13,7 +13,7 @@ const DEGREES: &str = "a number of degrees, such as 30";
 /// The description of a valid factor, for messages about text that is not one.
 const FACTOR: &str = "a number, such as 15";
 
-/// The view of a scene: direction, background and normals.
+/// Options for the view of a scene: the camera's direction, the background, the brightness, the normals and `--plain`.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Look {
     /// The axis that points up, in a bare mesh or for the camera of a scene file
