@@ -64,7 +64,7 @@ const WAIT: &str = "wait until that run ends";
 struct Findings {
     /// The journals that were repaired, each with the path of the copy of its original.
     repaired: Vec<Repaired>,
-    /// The errors about unreadable files that are not journals, such as plan.json, and about files that prevent the
+    /// The errors about unreadable files other than journals (for example plan.json), and about files that prevent the
     /// repair of an attempt.
     unreadable: Vec<Error>,
     /// Number of attempts that could not be repaired because of a mistake of the user.
@@ -126,8 +126,8 @@ impl Findings {
         Ok(())
     }
 
-    /// Keeps the user's mistake that prevented the repair of an attempt, so that the other attempts are repaired.
-    /// Returns any other error.
+    /// Stores the error in `unreadable` if a mistake of the user prevented the repair of an attempt, so that the other
+    /// attempts are still repaired. Returns any other error.
     fn keep_refusal(&mut self, repaired: Result<()>) -> Result<()> {
         match repaired {
             Err(error @ Error::Input(_)) => {

@@ -265,7 +265,7 @@ fn refuse_shards(out: &Path) -> Result<()> {
     }
 }
 
-/// Returns true if the run makes a folder with a name that no folder has yet.
+/// Returns true if raycl chooses the name of a new folder for the run's results.
 fn takes_new_folder(args: &Args) -> bool {
     args.out.is_none() && !args.resume
 }
@@ -518,8 +518,8 @@ fn note_on_results(args: &Args, out: &Path) -> Result<Option<String>> {
 }
 
 /// Writes the report. With `--json`, then prints the records; otherwise, prints the results and their paths,
-/// unless `--quiet` is given. With two options `--cl-dir`, also compares the times with the two folders of
-/// kernels. If points failed, returns an error with exit code 1.
+/// unless `--quiet` is given. With two options `--cl-dir`, also compares the times of the kernels of both
+/// folders. If points failed, returns an error with exit code 1.
 fn report(args: &Args, out: &Path) -> Result<()> {
     let (folder, written) = write_report(args, out)?;
     let records = &folder.records;

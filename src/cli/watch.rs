@@ -44,8 +44,8 @@ pub struct Watched {
     /// The number of folders that were given to [`Watched::new`]. The given folders come first in `folders`;
     /// the folders of files that raycl has read follow.
     given: usize,
-    /// The folders of files that raycl has read. Each of these folders is watched by itself, or is covered by
-    /// the watch on a folder that was given to [`Watched::new`].
+    /// The folders of files that raycl has read. Unless the system refuses, each of these folders is watched: by
+    /// itself, or by the watch on a folder that was given to [`Watched::new`].
     of_inputs: BTreeSet<PathBuf>,
     /// The time of the last call of [`Self::follow`], which begins to watch the folders of the files that raycl has
     /// read; before the first call, the time of [`Self::new`]. Files that were read after this time may lie in folders

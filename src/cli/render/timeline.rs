@@ -37,12 +37,12 @@ impl Timeline {
         Self { last: Instant::now(), parts: Vec::new() }
     }
 
-    /// Ends the part of the command's work with the name `part`, which began when the previous part ended.
+    /// Ends the part `part` of the command's work. This part began when the previous part ended.
     pub fn ends(&mut self, part: &'static str) {
         self.ends_with(part, &[]);
     }
 
-    /// Ends the part of the work with the name `part`, which began when the previous part ended. `others` lists other
+    /// Ends the part `part` of the command's work. This part began when the previous part ended. `others` lists other
     /// parts of the work that were done since then, with their durations in milliseconds. These durations are
     /// subtracted from the duration of `part`.
     pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {

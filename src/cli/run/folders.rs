@@ -20,8 +20,8 @@ pub fn default_folder(name: &str, resume: bool) -> PathBuf {
 }
 
 /// Returns the highest number in the name of a folder of results for the config `name`; `None` if there is no
-/// such folder. The user may have deleted folders with lower numbers, and folders with higher numbers may
-/// belong to other configs.
+/// such folder. The function looks at all folders, since the user may have deleted folders with lower numbers, and
+/// folders with higher numbers may belong to other configs.
 fn latest_number(name: &str) -> Option<u32> {
     let first = numbered_folder(name, 1);
     let stem = first.file_name()?.to_str()?;
