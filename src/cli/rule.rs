@@ -18,14 +18,14 @@ use crate::strategy::Class;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The default number of rounds. Each candidate strategy is timed once in every round; the shortest time of a
-/// candidate counts.
+/// The default number of rounds. In every round, each candidate strategy that may be the fastest is timed once, unless
+/// the device refuses the candidate. The shortest time of a candidate counts.
 const ROUNDS: u32 = 5;
 
 /// Arguments of `raycl rule`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  raycl rule docs/rule.toml --device cpu -o sweep.json    measure every candidate of every case
+  raycl rule docs/rule.toml --device cpu -o sweep.json    measure the candidates on the cases for CPUs
   raycl rule --show docs/results/rule/*.json              the rule's choices for stored sweeps
   raycl rule --fit docs/results/rule/*.json > src/strategy/constants.rs")]
 pub struct Args {
@@ -39,8 +39,8 @@ pub struct Args {
     /// Measure only cases whose name contains WORD
     #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
-    /// Number of rounds, 1 to 100. In each round, every candidate strategy is timed once; raycl uses the
-    /// candidate's shortest time
+    /// Number of rounds, 1 to 100. In each round, raycl times every candidate strategy once, except candidates that the
+    /// device refuses, and exhaustive casting if there are many triangles. raycl uses a candidate's shortest time
     #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = whole::<u32>(1..=100))]
     rounds: u32,
     /// If another process is measuring on the device, end at once instead of waiting for it

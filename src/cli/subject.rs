@@ -148,8 +148,9 @@ impl Subject {
     ///
     /// # Errors
     ///
-    /// Fails if a key of `--set` is the name of an option or resembles the name of an axis, or if a value of the scene
-    /// or an axis is set twice. Other unknown keys are found later, when the scene is loaded.
+    /// Fails if a key of `--set` resembles the name of an axis, or is the name of an option (such as `local_size`) but
+    /// not a key of a scene. Also fails if a value of the scene or an axis is set twice. Other unknown keys are found
+    /// later, when the scene is loaded.
     fn overrides(&self) -> Result<Vec<Setting>> {
         self.set.iter().filter(|(key, _)| !is_axis(key)).try_for_each(|(key, text)| {
             refuse_option(key, text)?;
