@@ -244,7 +244,7 @@ fn a_dry_run_with_resume_says_which_points_are_done() {
     };
     let both = r#"["naive", "deferred"]"#;
     let resumed = |more: &[&str]| with(both, &[&["--resume", "--dry-run"][..], more].concat());
-    has(&resumed(&[]), &["4 points, 0 of which do not fit. Nothing", "4 points in 1 launch"]);
+    has(&resumed(&[]), &["4 points, 0 of which cannot be measured. Nothing", "4 points in 1 launch"]);
     assert!(!folder.path("out").exists());
     with(r#"["naive"]"#, &["--quiet"]);
     has(&resumed(&[]), &["4 points, 0 of which do not fit; 2 are done. Nothing", "2 points in 1 launch"]);
@@ -256,7 +256,7 @@ fn a_dry_run_with_resume_says_which_points_are_done() {
     }
     // Without `--resume`, the plan has all points, although the run itself would be refused.
     let note = "note: out already holds results, so the run needs --resume or another folder\n";
-    let all = ["4 points, 0 of which do not fit. Nothing", "4 points in 1 launch"];
+    let all = ["4 points, 0 of which cannot be measured. Nothing", "4 points in 1 launch"];
     let text = with(both, &["--dry-run"]);
     has(&text, &[note, all[0], all[1]]);
     // With `--json`, standard output has only the points, so the note is in standard error.

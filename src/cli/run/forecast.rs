@@ -52,7 +52,7 @@ fn cells(point: &Forecast, device: &str) -> [String; 6] {
     ]
 }
 
-/// Returns a line with the number of all points, and the numbers of points that do not fit, are meant for
+/// Returns a line with the number of all points, and the numbers of points that cannot be measured, are meant for
 /// devices of another kind, or are done.
 fn counts(points: &[Forecast]) -> String {
     let other_kind = points.iter().filter(|point| point.not_for.is_some()).count();
@@ -62,14 +62,13 @@ fn counts(points: &[Forecast]) -> String {
         1 => " and 1 is meant for devices of another kind".to_owned(),
         count => format!(" and {count} are meant for devices of another kind"),
     };
-    let do_not = if refused == 1 { "does not" } else { "do not" };
     let done = match points.iter().filter(|point| point.done).count() {
         0 => String::new(),
         1 => "; 1 is done".to_owned(),
         count => format!("; {count} are done"),
     };
     format!(
-        "{}, {refused} of which {do_not} fit{others}{done}. Nothing was compiled or measured.",
+        "{}, {refused} of which cannot be measured{others}{done}. Nothing was compiled or measured.",
         counted(points.len(), "point")
     )
 }
@@ -125,14 +124,23 @@ mod tests {
         let (fits, too_large) = (point(None, None), point(Some("too large"), None));
         let other = point(Some("too large"), Some("for GPUs"));
         let end = ". Nothing was compiled or measured.";
-        assert_eq!(counts(std::slice::from_ref(&fits)), format!("1 point, 0 of which do not fit{end}"));
+        assert_eq!(
+            counts(std::slice::from_ref(&fits)),
+            format!("1 point, 0 of which cannot be measured{end}")
+        );
         let line = counts(&[fits.clone(), too_large.clone(), fits]);
-        assert_eq!(line, format!("3 points, 1 of which does not fit{end}"));
+        assert_eq!(line, format!("3 points, 1 of which cannot be measured{end}"));
         let line = counts(&[too_large.clone(), other.clone()]);
         let other_kind = "devices of another kind";
-        assert_eq!(line, format!("2 points, 1 of which does not fit and 1 is meant for {other_kind}{end}"));
+        assert_eq!(
+            line,
+            format!("2 points, 1 of which cannot be measured and 1 is meant for {other_kind}{end}")
+        );
         let line = counts(&[other.clone(), other]);
-        assert_eq!(line, format!("2 points, 0 of which do not fit and 2 are meant for {other_kind}{end}"));
+        assert_eq!(
+            line,
+            format!("2 points, 0 of which cannot be measured and 2 are meant for {other_kind}{end}")
+        );
     }
 
     #[test]
@@ -140,8 +148,8 @@ mod tests {
         let (left, done) = (point(None, None), Forecast { done: true, ..point(None, None) });
         let end = ". Nothing was compiled or measured.";
         let line = counts(&[done.clone(), left.clone()]);
-        assert_eq!(line, format!("2 points, 0 of which do not fit; 1 is done{end}"));
+        assert_eq!(line, format!("2 points, 0 of which cannot be measured; 1 is done{end}"));
         let line = counts(&[done.clone(), left, done]);
-        assert_eq!(line, format!("3 points, 0 of which do not fit; 2 are done{end}"));
+        assert_eq!(line, format!("3 points, 0 of which cannot be measured; 2 are done{end}"));
     }
 }
