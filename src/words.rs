@@ -103,6 +103,15 @@ pub fn few(names: &[impl AsRef<str>]) -> String {
     names.iter().take(4).map(|name| name.as_ref().to_owned()).chain(more).collect::<Vec<_>>().join(", ")
 }
 
+/// Joins names with commas. Lists only the first eight names, and the number of all further names:
+/// "a, b, c, d, e, f, g, h and 2 more".
+pub fn eight(names: &[impl AsRef<str>]) -> String {
+    let first: Vec<&str> = names.iter().take(8).map(AsRef::as_ref).collect();
+    let more = names.len() - first.len();
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    first.join(", ") + &more
+}
+
 /// Returns a command as a line for a shell: the assignments of environment variables (each given as
 /// `NAME=VALUE`; texts without `=` are left out), then the command's words.
 pub fn command_line<'a>(variables: impl IntoIterator<Item = &'a String>, words: &[String]) -> String {
@@ -139,8 +148,8 @@ fn plural(what: &str) -> String {
     }
     match what {
         _ if what.ends_with("sh") || what.ends_with("ch") => format!("{what}es"),
-        _ => match what.strip_suffix("ry") {
-            Some(stem) => format!("{stem}ries"),
+        _ => match what.strip_suffix('y').filter(|stem| !stem.ends_with(['a', 'e', 'o', 'u'])) {
+            Some(stem) => format!("{stem}ies"),
             None => format!("{what}s"),
         },
     }
@@ -148,12 +157,19 @@ fn plural(what: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{counted, counted_are, counted_of_were, few, in_singular, quote};
+    use super::{counted, counted_are, counted_of_were, eight, few, in_singular, quote};
 
     #[test]
     fn of_many_names_only_the_first_four_are_listed() {
         let names = ["a", "b", "c", "d", "e"];
         assert_eq!([few(&names[..4]), few(&names)], ["a, b, c, d", "a, b, c, d, and 1 more"]);
+    }
+
+    #[test]
+    fn of_more_than_eight_names_only_the_first_eight_are_listed() {
+        let names = ["a", "b", "c", "d", "e", "f", "g", "h", "i", "j"];
+        let listed = [2, 8, 10].map(|count| eight(&names[..count]));
+        assert_eq!(listed, ["a, b", "a, b, c, d, e, f, g, h", "a, b, c, d, e, f, g, h and 2 more"]);
     }
 
     #[test]

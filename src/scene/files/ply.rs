@@ -6,11 +6,12 @@ mod colour;
 mod elements;
 mod header;
 mod needed;
+mod unread;
 
 use super::MeshFile;
 use super::colours;
 use super::flaw::{Flaw, Named};
-use super::origin::{placement_of, settle};
+use super::origin::{is_valid, placement_of, settle};
 use crate::error::Result;
 use crate::memory::Available;
 use crate::scene::material::Material;
@@ -19,11 +20,11 @@ use crate::scene::normals::MISSING;
 use crate::scene::obj::{MAX_CONCAVE_CORNERS, quoted, triangulate};
 use crate::words::{counted, counted_are};
 use colour::{Colour, channels, with_known_channels};
-use elements::{ColouredFace, Face, Skipped, Vertex};
+use elements::{ColouredFace, Face, NORMAL, Skipped, Vertex};
 use glam::{DVec3, Vec3};
 use header::Tidied;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyType, ScalarType};
+use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyType, ScalarType, Version};
 
 /// Memory for a vertex while a file is read, in bytes: the vertex itself, its position in double and in
 /// single precision, its normal and its colour.
@@ -49,16 +50,20 @@ const OTHERS: &str = "elements other than the first `vertex`, `face` and `tristr
 
 /// Reads a PLY file from its bytes.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
-    let Tidied { header: text, payload, strange, elements: names } =
+    let Tidied { header: text, payload, strange, names } =
         header::tidied(bytes).map_err(|flaw| named.error(flaw))?;
     let mut header =
         Parser::<Skipped>::new().read_header(&mut Reader::new(text.as_bytes())).map_err(|error| {
             let plain = error.line().and_then(|line| Some(header::mistake(&text, line)?.at(line)));
             named.error(plain.unwrap_or_else(|| misread(&error, error.line())))
         })?;
-    // `header::tidied` may have renamed elements, but messages show the name that an element has in the file.
+    // `header::tidied` may have renamed elements and properties, but messages show the names in the file.
     for (name, element) in &mut header.elements {
-        names.get(name).into_iter().for_each(|original| element.name.clone_from(original));
+        let original = |property: &str| names.get(&[name.clone(), property.to_owned()]).cloned();
+        element.name = original("").unwrap_or_else(|| name.clone());
+        for (key, property) in &mut element.properties {
+            property.name = original(key).unwrap_or_else(|| key.clone());
+        }
     }
     let checked = check_sizes(&header, payload.len()).and_then(|()| needed::check(&header));
     checked.map_err(|flaw| named.error(flaw))?;
@@ -79,7 +84,7 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             counted(strange, "line")
         ));
     }
-    file.notes.extend(elements.note_rest());
+    file.notes.extend(elements.notes());
     Ok(file)
 }
 
@@ -199,17 +204,23 @@ impl Elements<'_> {
         }
     }
 
-    /// Returns a note on lines or bytes after the last element; `None` if there are only blanks, line ends and,
-    /// in an ASCII file, comments.
-    fn note_rest(self) -> Option<String> {
-        let (count, what) = match self {
-            Self::Ascii(lines) => (lines.rest(), "line after the last element"),
+    /// Returns a note on lines with text after the last property, and a note on lines or bytes after the last
+    /// element. Blanks, line ends and, in an ASCII file, lines of comments cause no note.
+    fn notes(self) -> Vec<String> {
+        let (longer, (rest, what)) = match self {
+            Self::Ascii(lines) => {
+                let (longer, rest) = lines.ignored();
+                (longer, (rest, "line after the last element"))
+            }
             Self::Binary(reader) => {
                 let rest = reader.into_inner();
-                (if rest.trim_ascii().is_empty() { 0 } else { rest.len() }, "byte after the last element")
+                let count = if rest.trim_ascii().is_empty() { 0 } else { rest.len() };
+                (0, (count, "byte after the last element"))
             }
         };
-        (count > 0).then(|| format!("{} ignored", counted_are(count, what)))
+        let of_lines = || format!("text after the last property is ignored in {}", counted(longer, "line"));
+        let of_rest = || format!("{} ignored", counted_are(rest, what));
+        (longer > 0).then(of_lines).into_iter().chain((rest > 0).then(of_rest)).collect()
     }
 }
 
@@ -256,7 +267,7 @@ impl Parts {
 
     fn mesh(self, quotes: bool, header: &Header) -> std::result::Result<MeshFile, Flaw> {
         let positions: Vec<DVec3> = self.vertices.iter().map(|vertex| vertex.position).collect();
-        let with_normals = has(header, "vertex", ["nx", "ny", "nz"]);
+        let with_normals = has(header, "vertex", NORMAL);
         let Triangles { list, colours, short } = self.triangles(&positions, with_normals)?;
         let (settled, placement) = settle(&positions, &list)?;
         let materials = vec![Material::default()];
@@ -277,6 +288,7 @@ impl Parts {
             notes.extend(colours::note_clear(clear, element));
         }
         notes.extend(self.notes(quotes, header, short));
+        notes.extend(note_invalid(&positions));
         Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
     }
 
@@ -336,7 +348,9 @@ impl Parts {
 
     /// Returns notes on ignored parts of the file, with text of the file only if `quotes` is true.
     fn notes(&self, quotes: bool, header: &Header, short: usize) -> Vec<String> {
-        let mut notes = needed::notes(header);
+        let mut notes: Vec<String> = note_version(header).into_iter().collect();
+        notes.extend(needed::notes(header));
+        notes.extend(unread::notes(header, quotes));
         let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
         if textures > 0 {
             let comments = counted_are(textures, "TextureFile comment");
@@ -373,6 +387,22 @@ struct Triangles {
     colours: Vec<Vec3>,
     /// The number of faces with fewer than three corners.
     short: usize,
+}
+
+/// Returns a note on a version that the header states, but that raycl does not know; `None` for version 1.0.
+fn note_version(header: &Header) -> Option<String> {
+    let Version { major, minor } = header.version;
+    let note =
+        || format!("the header states version {major}.{minor} of PLY; the file is read as version 1.0");
+    ((major, minor) != (1, 0)).then(note)
+}
+
+/// Returns a note on vertices whose position is not valid; `None` if there are none. No face uses these vertices,
+/// since [`settle`] would have refused the file.
+fn note_invalid(positions: &[DVec3]) -> Option<String> {
+    let count = positions.iter().filter(|position| !is_valid(position)).count();
+    let vertices = counted_are(count, "vertex that no face uses");
+    (count > 0).then(|| format!("{vertices} ignored: a coordinate is not finite or beyond +-1e12"))
 }
 
 /// Returns the error for a concave face that has too many corners to be divided into triangles.

@@ -6,14 +6,19 @@ use crate::scene::obj::{quoted, split_lines};
 use ply_rs_bw::ply::{ElementDef, Property, PropertyAccess, PropertyType, ScalarType};
 use std::str::FromStr;
 
-/// The lines after the header that are neither empty nor comments, and their numbers.
-pub(super) struct Lines<'a>(Box<dyn Iterator<Item = (usize, &'a [u8])> + 'a>);
+/// The lines after the header that are neither empty nor comments.
+pub(super) struct Lines<'a> {
+    /// The lines that are not read yet, and their numbers.
+    unread: Box<dyn Iterator<Item = (usize, &'a [u8])> + 'a>,
+    /// The number of lines that have more words than properties.
+    longer: usize,
+}
 
 impl<'a> Lines<'a> {
     /// Returns the lines of the text that begins with the line number `first`.
     pub fn of(text: &'a [u8], first: usize) -> Self {
         let lines = (first..).zip(split_lines(text));
-        Self(Box::new(lines.filter(|(_, line)| !is_ignored(line))))
+        Self { unread: Box::new(lines.filter(|(_, line)| !is_ignored(line))), longer: 0 }
     }
 
     /// Reads all elements of the type `of`.
@@ -24,15 +29,18 @@ impl<'a> Lines<'a> {
             Flaw::quoting(format!("{counts} {name}"), format!("{counts} of a type"))
         };
         let element = |read| {
-            let (number, line) = self.0.next().ok_or_else(|| ends(read))?;
-            element(of, line).map_err(|flaw| flaw.at(number))
+            let (number, line) = self.unread.next().ok_or_else(|| ends(read))?;
+            let (element, is_longer) = element(of, line).map_err(|flaw| flaw.at(number))?;
+            self.longer += usize::from(is_longer);
+            Ok(element)
         };
         (0..of.count).map(element).collect()
     }
 
-    /// Returns the number of lines that are not read yet.
-    pub fn rest(self) -> usize {
-        self.0.count()
+    /// Returns the number of read lines that have more words than properties, and the number of lines that are not
+    /// read yet.
+    pub fn ignored(self) -> (usize, usize) {
+        (self.longer, self.unread.count())
     }
 }
 
@@ -42,8 +50,8 @@ fn is_ignored(line: &[u8]) -> bool {
     line.split(u8::is_ascii_whitespace).find(|word| !word.is_empty()).is_none_or(|word| word == b"comment")
 }
 
-/// Reads an element of the type `of` from its line. Numbers after the last property are ignored.
-fn element<E: PropertyAccess>(of: &ElementDef, line: &[u8]) -> Result<E, Flaw> {
+/// Reads an element of the type `of` from its line. Also returns true if the line has words after the last property.
+fn element<E: PropertyAccess>(of: &ElementDef, line: &[u8]) -> Result<(E, bool), Flaw> {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     let mut element = E::new();
     for (name, property) in &of.properties {
@@ -56,7 +64,7 @@ fn element<E: PropertyAccess>(of: &ElementDef, line: &[u8]) -> Result<E, Flaw> {
         };
         element.set_property(name, value);
     }
-    Ok(element)
+    Ok((element, words.next().is_some()))
 }
 
 /// The expected form of a number of a whole type.

@@ -6,6 +6,20 @@ use crate::words::counted;
 use glam::{DVec3, Vec3};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
+/// The names by which the components of a vertex's normal are read.
+pub(super) const NORMAL: [&str; 3] = ["nx", "ny", "nz"];
+/// The names of the components of a vertex's normal that some programs write, apart from capitals.
+const OTHER_NORMAL: [&str; 3] = ["normal_x", "normal_y", "normal_z"];
+
+/// Returns the name of a property. Another spelling of a name in [`NORMAL`], such as `NX` or `normal_x`, is replaced by
+/// the name in this list.
+pub(super) fn with_usual_normal(name: String) -> String {
+    let is_same =
+        |(usual, other): &(&str, &str)| [usual, other].iter().any(|own| own.eq_ignore_ascii_case(&name));
+    let usual = NORMAL.into_iter().zip(OTHER_NORMAL).find(is_same);
+    usual.map_or(name, |(usual, _)| usual.to_owned())
+}
+
 /// A vertex. A property that the file does not have stays 0; a missing alpha stays 1.
 pub(super) struct Vertex {
     pub position: DVec3,
@@ -94,9 +108,12 @@ fn corner(number: i64, count: usize) -> Result<u32, String> {
     }
 }
 
+/// The names of the property that lists a face's corners.
+pub(super) const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
+
 /// Returns true if `name` is the name of the property that lists a face's corners.
 pub(super) fn is_corners(name: &str) -> bool {
-    matches!(name, "vertex_indices" | "vertex_index")
+    CORNERS.contains(&name)
 }
 
 impl PropertyAccess for Face {

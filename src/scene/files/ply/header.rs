@@ -3,6 +3,7 @@
 //! it.
 
 use super::colour::with_lower_case;
+use super::elements::with_usual_normal;
 use crate::scene::files::flaw::Flaw;
 use crate::scene::obj::quoted;
 use std::borrow::Cow;
@@ -28,18 +29,19 @@ pub(super) struct Tidied<'a> {
     /// write their name into a line without the word `comment`. In `header`, such lines are turned into
     /// comments.
     pub strange: usize,
-    /// A map from the name of each element in `header` to the element's name in the file.
-    pub elements: HashMap<String, String>,
+    /// The names that elements and properties have in the file. The key of an element is its name in `header` and
+    /// an empty text. The key of a property is the name of its element and its own name, both as in `header`.
+    pub names: HashMap<[String; 2], String>,
 }
 
 /// Brings a file's header into the form that PLY defines: UTF-8 without a byte order mark, with line feeds as
 /// its only line ends, and without blanks before a line. Empty lines, and lines whose first word PLY does not
 /// define, become comments. In the converted header, no two elements have the same name, and no two properties
-/// of an element have the same name. The names of colour channels are in lower case. Fails if the first line is
-/// `ply` but the header is longer than [`MAX_BYTES`].
+/// of an element have the same name. Names of colour channels and of normals have their usual spelling. Fails if the
+/// first line is `ply` but the header is longer than [`MAX_BYTES`].
 pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut tidied = Tidied { header: String::new(), payload: &[], strange: 0, elements: HashMap::new() };
+    let mut tidied = Tidied { header: String::new(), payload: &[], strange: 0, names: HashMap::new() };
     let mut names = Names::default();
     let (head, mut rest) = (&bytes[..bytes.len().min(MAX_BYTES)], bytes);
     let end = line_end(head);
@@ -61,7 +63,7 @@ pub(super) fn tidied(bytes: &[u8]) -> Result<Tidied<'_>, Flaw> {
             break;
         }
     }
-    tidied.elements = names.elements;
+    tidied.names = names.names;
     // If the first line is not `ply`, the file is refused later with a message about this line.
     let is_ply = tidied.header.lines().next().is_some_and(|line| line.trim_end().eq_ignore_ascii_case("ply"));
     if is_read || !is_ply { Ok(tidied) } else { Err(too_long()) }
@@ -123,36 +125,41 @@ fn line_end(head: &[u8]) -> u8 {
     }
 }
 
-/// The names in the lines of the header that were read so far. The keys of the maps `elements` and
-/// `properties` are names in the tidied header, and the values are the corresponding names in the file.
+/// The names in the lines of the header that were read so far.
 #[derive(Default)]
 struct Names {
-    elements: HashMap<String, String>,
-    /// The properties of the last element.
-    properties: HashMap<String, String>,
+    /// The map [`Tidied::names`].
+    names: HashMap<[String; 2], String>,
+    /// The last element's name in the tidied header.
+    element: String,
     line: usize,
 }
 
 impl Names {
     /// Returns the words of the next line. The name of an element or a property is replaced if `ply-rs-bw`
     /// would refuse the name. `ply-rs-bw` refuses names that occur twice, and names with characters that PLY
-    /// does not define, such as brackets. The name of a colour channel is converted to lower case.
+    /// does not define, such as brackets. The name of a colour channel or of a normal gets its usual spelling.
     fn replaced<'a>(&mut self, mut words: Vec<Cow<'a, str>>) -> Vec<Cow<'a, str>> {
         self.line += 1;
-        let (at, used) = match words.first().map(|word| &**word) {
-            Some("element") => {
-                self.properties.clear();
-                (1, &mut self.elements)
-            }
-            Some("property") => (words.len() - 1, &mut self.properties),
+        let is_element = match words.first().map(|word| &**word) {
+            Some("element") => true,
+            Some("property") => false,
             _ => return words,
         };
-        if let Some(name) = words.get_mut(at.max(1)) {
-            let mut valid = with_lower_case(valid(name));
-            while used.contains_key(&valid) {
+        let at = if is_element { 1 } else { (words.len() - 1).max(1) };
+        if let Some(name) = words.get_mut(at) {
+            let key = |valid: &String| match is_element {
+                true => [valid.clone(), String::new()],
+                false => [self.element.clone(), valid.clone()],
+            };
+            let mut valid = with_usual_normal(with_lower_case(valid(name)));
+            while self.names.contains_key(&key(&valid)) {
                 valid = format!("{valid}_{}", self.line);
             }
-            used.insert(valid.clone(), name.to_string());
+            self.names.insert(key(&valid), name.to_string());
+            if is_element {
+                self.element.clone_from(&valid);
+            }
             *name = Cow::Owned(valid);
         }
         words
@@ -237,6 +244,9 @@ mod tests {
             ["1", "x", "scalar_R__0_1_", "scalar_R__0_1__4", "_8", "x_6", "1", "x", "2", "property"];
         assert_eq!(names, expected);
         assert_eq!(lines(text)[8], "element vertex_9 2");
-        assert_eq!(tidied(text.as_bytes()).unwrap().elements["vertex_9"], "vertex");
+        let originals = tidied(text.as_bytes()).unwrap().names;
+        let original = |key: [&str; 2]| originals[&key.map(str::to_owned)].as_str();
+        let keys = [["vertex_9", ""], ["vertex", "x_6"], ["vertex", "scalar_R__0_1__4"], ["face", "x"]];
+        assert_eq!(keys.map(original), ["vertex", "x", "scalar_R_[0.1]", "x"]);
     }
 }

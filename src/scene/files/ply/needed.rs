@@ -3,7 +3,8 @@
 //! read as zeros.
 
 use super::colour::CHANNELS;
-use super::elements::is_corners;
+use super::elements::{NORMAL, is_corners};
+use super::unread::parted;
 use crate::error::or_meant;
 use crate::scene::files::flaw::Flaw;
 use crate::scene::obj::quoted;
@@ -13,8 +14,9 @@ use ply_rs_bw::ply::{ElementDef, Header, PropertyDef, PropertyType, ScalarType};
 /// Largest number of properties that a message lists.
 const MOST_LISTED: usize = 8;
 
-/// Returns an error if vertices have no x or y, or if faces or strips have no list of corners. Also returns an error if
-/// the header lacks vertices or faces, but has an element with a similar name.
+/// Returns an error if vertices have no x or y, or if faces or strips have no list of corners, or several. Also returns
+/// an error if the header lacks vertices or faces, but has an element with a similar name, and if it defines a property
+/// twice.
 pub(super) fn check(header: &Header) -> Result<(), Flaw> {
     check_names(header)?;
     let element = |name: &str| header.elements.get(name).filter(|element| element.count > 0);
@@ -24,10 +26,31 @@ pub(super) fn check(header: &Header) -> Result<(), Flaw> {
         return Err(without(vertex, &format!("no number `{name}`")));
     }
     let mut faces = ["face", "tristrips"].into_iter().filter_map(element);
-    match faces.find(|faces| !faces.properties.values().any(has_corners)) {
-        Some(faces) => Err(without(faces, "no list `vertex_indices` (or `vertex_index`) of whole numbers")),
-        None => Ok(()),
+    if let Some(faces) = faces.find(|faces| !faces.properties.values().any(has_corners)) {
+        return Err(without(faces, "no list `vertex_indices` (or `vertex_index`) of whole numbers"));
     }
+    ["vertex", "face", "tristrips"]
+        .into_iter()
+        .try_for_each(|kind| element(kind).map_or(Ok(()), |of| check_twice(kind, of)))
+}
+
+/// Returns an error if an element of the type `kind` has two properties for the same value: two lists of corners, or two
+/// properties of the same name. If raycl reads neither of the two, they cause no error.
+fn check_twice(kind: &str, element: &ElementDef) -> Result<(), Flaw> {
+    let (read, unread) = parted(kind, element);
+    let is_list = |property: &&PropertyDef| kind != "vertex" && is_corners(&property.name);
+    let mut lists = element.properties.values().filter(is_list);
+    let two = (lists.next(), lists.next());
+    let same = unread.iter().find_map(|other| Some((read.iter().find(|one| one.name == other.name)?, other)));
+    let (what, one, other) = match (two, same) {
+        ((Some(one), Some(other)), _) => ("lists of corners", one, other),
+        (_, Some((one, other))) => ("properties of the same name", *one, *other),
+        _ => return Ok(()),
+    };
+    let [one, other] = [one, other].map(|property| quoted(property.name.as_bytes()));
+    let flaw =
+        Flaw::from(format!("`{}` has two {what}, {one} and {other}; expected one of them", element.name));
+    Err(flaw.with_remedy("export the file again with one of the two"))
 }
 
 /// Returns an error if the header lacks vertices, or lacks both faces and strips, but has an element with a
@@ -77,6 +100,23 @@ pub(super) fn has_number(element: &ElementDef, name: &str) -> bool {
     property.is_some_and(|property| matches!(property.data_type, PropertyType::Scalar(_)))
 }
 
+/// Returns the groups of properties, such as nx, ny and nz, that elements of the type `kind` may have only together. The
+/// names r, g and b are no group, since a single `r` may also be a radius.
+pub(super) fn groups(kind: &str) -> Vec<[&'static str; 3]> {
+    let [colours, diffuse, _] = CHANNELS;
+    match kind {
+        "vertex" => vec![NORMAL, colours, diffuse],
+        "face" => vec![colours, diffuse],
+        _ => Vec::new(),
+    }
+}
+
+/// Returns the number of an element's properties in a group of which only some exist; `None` if all or none exist.
+pub(super) fn incomplete(element: &ElementDef, group: &[&str; 3]) -> Option<usize> {
+    let count = group.iter().filter(|name| has_number(element, name)).count();
+    (1..group.len()).contains(&count).then_some(count)
+}
+
 /// Returns a note if vertices have no z, and a note on each group of properties, such as nx, ny and nz, of
 /// which only some exist.
 pub(super) fn notes(header: &Header) -> Vec<String> {
@@ -85,19 +125,14 @@ pub(super) fn notes(header: &Header) -> Vec<String> {
     if !has_number(vertex, "z") {
         notes.push(format!("{}: z is 0", counted(vertex.count, "vertex without z")));
     }
-    // The names r, g and b are not checked, since a single `r` may also be a radius.
-    let [colours, diffuse, _] = CHANNELS;
-    let of_vertices = [["nx", "ny", "nz"], colours, diffuse].map(|names| ("vertices", vertex, names));
-    let face = header.elements.get("face");
-    let of_faces = face.map(|face| [colours, diffuse].map(|names| ("faces", face, names)));
-    for (who, element, names) in of_vertices.into_iter().chain(of_faces.into_iter().flatten()) {
-        let count = names.iter().filter(|name| has_number(element, name)).count();
-        if (1..names.len()).contains(&count) {
-            let all = names.join(", ");
-            notes.push(format!(
+    for (kind, who) in [("vertex", "vertices"), ("face", "faces")] {
+        let Some(element) = header.elements.get(kind) else { continue };
+        notes.extend(groups(kind).iter().filter_map(|names| {
+            let (count, all) = (incomplete(element, names)?, names.join(", "));
+            Some(format!(
                 "{who} have only {count} of the properties {all}, so raycl reads none of these properties"
-            ));
-        }
+            ))
+        }));
     }
     notes
 }
