@@ -1,5 +1,7 @@
 //! Reads ASCII and binary STL. Triangles in STL share no corners. Equal corners are joined, so that surfaces
-//! can be smooth. The facets' normals are not read, since the order of the corners determines the normals.
+//! can be smooth. The facets' normals are not used, since the order of the corners determines the normals.
+
+mod normals;
 
 use super::MeshFile;
 use super::flaw::{Flaw, Named};
@@ -13,6 +15,7 @@ use crate::scene::normals::MISSING;
 use crate::scene::obj::{Asked, Wish, decimal, quoted, split_lines};
 use crate::words::{counted, counted_are};
 use glam::DVec3;
+use normals::Normal;
 
 /// The remedy for facets that are not triangles.
 const DIVIDE: &str = "divide the faces into triangles, and export the file again";
@@ -23,9 +26,9 @@ const TRIANGLE_BYTES: usize = 50;
 /// Number of bytes at the beginning of a file that show whether the file is text. A file is not text if its
 /// first `HEAD_BYTES` bytes contain a zero byte and no word `vertex`.
 const HEAD_BYTES: usize = 1 << 10;
-/// The program Materialise Magics writes this key into the header of a binary file, before a colour for all
-/// facets.
-const COLOUR: &[u8] = b"COLOR=";
+/// The keys that the program Materialise Magics writes into the header of a binary file, before a colour and a
+/// material for all facets, and the words for them in messages.
+const HEADER_KEYS: [(&str, &str); 2] = [("COLOR=", "colour"), ("MATERIAL=", "material")];
 
 /// The bits of a corner's coordinates, by which corners are sorted.
 type Key = [u64; 3];
@@ -45,13 +48,18 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             hold(named.name, count as u64, &Available::read())?;
             let corners = binary(bytes, count);
             check(&corners).map_err(failed)?;
-            (corners, notes(bytes, count))
+            let mut notes = notes(bytes, count);
+            notes.extend(normals::note(normals::opposite_of_rows(&bytes[HEADER_BYTES..], &corners)));
+            (corners, notes)
         }
         // In a text file, a triangle usually takes 100 bytes or more. The check in `files::read` demands
         // memory of four times the file's size, which is enough for triangles of 100 bytes or more.
         false => {
-            let Text { corners, unknown, is_in_solid } = ascii(bytes).map_err(failed)?;
+            let Text { corners, unknown, stray, opposite, is_in_solid } = ascii(bytes).map_err(failed)?;
             let mut notes: Vec<String> = unknown.notes("statement", named.quotes).collect();
+            let numbers = counted_are(stray, "number after a complete statement");
+            notes.extend((stray > 0).then(|| format!("{numbers} ignored")));
+            notes.extend(normals::note(opposite));
             notes.extend(
                 is_in_solid.then(|| "the file has no `endsolid` at its end: it may be cut off".to_owned()),
             );
@@ -119,8 +127,10 @@ fn notes(bytes: &[u8], triangles: usize) -> Vec<String> {
         let facets = counted(attributes, "facet");
         notes.push(format!("attributes of {facets}, such as a colour, are not read"));
     }
-    if contains(&bytes[..HEADER_BYTES], COLOUR) {
-        notes.push("the colour in the header (COLOR=) is not read".to_owned());
+    for (key, what) in HEADER_KEYS {
+        if contains(&bytes[..HEADER_BYTES], key.as_bytes()) {
+            notes.push(format!("the {what} in the header ({key}) is not read"));
+        }
     }
     if count(bytes) == Some(0) && triangles > 0 {
         notes.push(format!("the header says 0 triangles: all {triangles} in the file are read"));
@@ -134,9 +144,13 @@ fn notes(bytes: &[u8], triangles: usize) -> Vec<String> {
 
 /// Returns the corners of the triangles of a binary file, three corners per triangle.
 fn binary(bytes: &[u8], count: usize) -> Vec<DVec3> {
+    rows(bytes, count).flat_map(|row| [12, 24, 36].map(|at| vector(&row[at..]))).collect()
+}
+
+/// Returns the vector at the beginning of `bytes`, a corner or a normal of a binary file.
+fn vector(bytes: &[u8]) -> DVec3 {
     let float = |bytes: &[u8]| f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
-    let corner = |bytes: &[u8]| DVec3::new(float(bytes), float(&bytes[4..]), float(&bytes[8..]));
-    rows(bytes, count).flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
+    DVec3::new(float(bytes), float(&bytes[4..]), float(&bytes[8..]))
 }
 
 /// Returns an error if a corner of a binary file is not valid. The error names the corner as it is in the file,
@@ -159,15 +173,21 @@ struct Text {
     corners: Vec<DVec3>,
     /// The words that STL does not define, such as `color`.
     unknown: Asked,
+    /// The number of numbers that belong neither to a statement nor to an unknown word.
+    stray: usize,
+    /// The number of facets whose stated normal contradicts their corners.
+    opposite: usize,
     /// True if the file ends within a solid.
     is_in_solid: bool,
 }
 
-/// Reads a text file. Only the statements `vertex x y z` are used, three in each facet. Some programs write
+/// Reads a text file. Only the statements `vertex x y z` are used, three in each facet; normals are only compared with
+/// the corners. Some programs write
 /// several statements into a line, so line ends count only after the name of a solid.
 fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let (mut corners, mut unknown) = (Vec::new(), Asked::default());
+    let (mut corners, mut normals, mut unknown) = (Vec::new(), Vec::new(), Asked::default());
+    let (mut stray, mut follows_unknown) = (0, false);
     let (mut is_in_solid, mut is_in_facet) = (false, false);
     // The number of corners before the current facet.
     let mut before = 0;
@@ -178,6 +198,7 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
         let ends = is(std::mem::replace(&mut last, word), "end");
         if is(word, "vertex") {
             corners.push(vertex(line, &mut words)?);
+            follows_unknown = false;
         } else if is(word, "endfacet") && corners.len() - before != 3 {
             let flaw = Flaw::from("a facet without exactly three vertices").at(line);
             let has_more = corners.len() - before > 3;
@@ -190,16 +211,24 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
         } else if is(word, "normal") {
             // Up to three words after `normal` are skipped even if they are not numbers, because some
             // programs write words such as `-nan(ind)`.
-            for _ in 0..3 {
-                words.next_if(|(_, word)| !is_known(word));
+            let mut next = || Some(words.next_if(|(_, word)| !is_known(word))?.1);
+            if let [Some(x), Some(y), Some(z)] = [next(), next(), next()] {
+                normals.push(Normal { corner: corners.len(), words: [x, y, z] });
             }
-        } else if !is_known(word) && decimal(word).is_none() {
+            follows_unknown = false;
+        } else if is_known(word) {
+            follows_unknown = false;
+        } else if decimal(word).is_some() {
+            stray += usize::from(!follows_unknown);
+        } else {
             unknown.add(Wish::Unknown, word);
+            follows_unknown = true;
         }
     }
     let is_cut_off = is_in_facet && corners.len() == before;
     if corners.len().is_multiple_of(3) && !is_cut_off {
-        return Ok(Text { corners, unknown, is_in_solid });
+        let opposite = normals::opposite_of_words(&normals, &corners);
+        return Ok(Text { corners, unknown, stray, opposite, is_in_solid });
     }
     let last = split_lines(bytes).count();
     Err(Flaw::from("the last facet ends before its third vertex").at(last))
@@ -316,8 +345,11 @@ mod tests {
         assert_eq!(read(&|bytes| bytes.push(0)).unwrap(), (2, padded));
         let all = noted("the header says 0 triangles: all 2 in the file are read");
         assert_eq!(read(&|bytes| bytes[80] = 0).unwrap(), (2, all));
-        let colour = noted("the colour in the header (COLOR=) is not read");
-        assert_eq!(read(&|bytes| bytes[10..16].copy_from_slice(COLOUR)).unwrap(), (2, colour));
+        for (key, what) in HEADER_KEYS {
+            let note = noted(&format!("the {what} in the header ({key}) is not read"));
+            let with_key = |bytes: &mut Vec<u8>| bytes[10..10 + key.len()].copy_from_slice(key.as_bytes());
+            assert_eq!(read(&with_key).unwrap(), (2, note));
+        }
         let error = read(&|bytes| bytes.truncate(150)).err().unwrap().to_string();
         assert!(error.contains("the header says 2 triangles, but the file holds 1"), "{error}");
     }
@@ -454,11 +486,54 @@ mod tests {
         let colour = "unknown keywords of 1 statement are ignored (`color`)";
         assert_eq!(notes("solid a\n", "solid a\ncolor 1 0 0\n"), [colour]);
         assert_eq!(notes("vertex 0 0 0\n", "vertex 0 0 0 color 1 0 0\n"), [colour]);
+        // The numbers after an unknown word belong to this word. Other numbers do not belong to a statement.
+        let stray = |count: &str| format!("{count} after a complete statement are ignored");
+        assert_eq!(notes("vertex 0 0 0\n", "vertex 0 0 0 7 8\n"), [stray("2 numbers")]);
+        assert_eq!(notes("endloop\n", "1 2 3\nendloop\n"), [stray("3 numbers")]);
+        assert_eq!(
+            notes("outer loop\n", "color 1 0 0\nouter loop 4 5\n"),
+            [colour.to_owned(), stray("2 numbers")]
+        );
+        assert_eq!(
+            notes("normal 0 0 1\n", "color 1 normal 0 0 1 4 5\n"),
+            [colour.to_owned(), stray("2 numbers")]
+        );
+        assert_eq!(
+            notes("vertex 0 0 0\n", "color 1 vertex 0 0 0 4 5\n"),
+            [colour.to_owned(), stray("2 numbers")]
+        );
         let withheld = super::parse(
             Named { name: "a.stl", quotes: false },
             TWO.replacen("solid a\n", "solid a\nsecret\n", 1).as_bytes(),
         );
         assert_eq!(withheld.unwrap().notes, ["unknown keywords of 1 statement are ignored"]);
+    }
+
+    #[test]
+    fn facets_whose_normal_contradicts_the_corners_are_counted() {
+        const COUNTS: &str =
+            "a normal that contradicts the order of the corners; the order of the corners counts";
+        let one = vec![format!("1 facet states {COUNTS}")];
+        let two = vec![format!("2 facets state {COUNTS}")];
+        let down = |text: &str| text.replacen("normal 0 0 1", "normal 0 0 -1", 1);
+        let both = down(TWO).replace("NORMAL 0 0 1", "NORMAL 1 0 -0.1");
+        for (text, expected) in [
+            (TWO.to_owned(), &[][..]),
+            (down(TWO), &one),
+            (both, &two),
+            (TWO.replacen("normal 0 0 1", "normal 0 0 0", 1), &[]),
+            (TWO.replacen("normal 0 0 1", "normal 0 0 x", 1), &[]),
+            (down(TWO).replacen("vertex 0 1 0", "vertex 2 0 0", 1), &[]),
+        ] {
+            assert_eq!(parse("a.stl", text.as_bytes()).unwrap().notes, expected, "{text}");
+        }
+        let mut bytes = binary_of(&[Vec3::ZERO, Vec3::X, Vec3::Y].repeat(2));
+        for (facet, z, expected) in [(0, 1.0, &[][..]), (0, -1.0, &one), (1, f32::NAN, &one), (1, -0.5, &two)]
+        {
+            let at = HEADER_BYTES + TRIANGLE_BYTES * facet + 8;
+            bytes[at..at + 4].copy_from_slice(&f32::to_le_bytes(z));
+            assert_eq!(parse("b.stl", &bytes).unwrap().notes, expected, "{facet} {z}");
+        }
     }
 
     #[test]
