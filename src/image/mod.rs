@@ -33,7 +33,7 @@ pub use hdr_header::{HdrExposure, with_usual_signature};
 pub use incoming::Incoming;
 pub use layers::{counts, layer_targets, save_layers};
 pub use movie::Movie;
-pub use stated::{check_channels, header_remarks};
+pub use stated::{check_channels, header_remarks, unread_channels};
 
 use rayon::prelude::*;
 

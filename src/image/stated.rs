@@ -1,10 +1,11 @@
 //! Compares the header of a Radiance HDR or OpenEXR picture with what raycl assumes about the picture's
 //! channels, colours and projection.
 
+use crate::words::eight;
 use exr::meta::MetaData;
 use exr::meta::attribute::{Chromaticities, EnvironmentMap, Text};
 use exr::meta::header::Header;
-use image::codecs::hdr::HdrDecoder;
+use image::codecs::hdr::{HdrDecoder, HdrMetadata};
 use std::io::Cursor;
 
 /// The chromaticities (x and y in the CIE 1931 diagram) of sRGB's red, green, blue and white.
@@ -12,8 +13,8 @@ const SRGB: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 /// Chromaticities count as sRGB's if each of the eight numbers differs from sRGB's by at most this value.
 /// With this tolerance, the chromaticities that the program Radiance assumes count as sRGB's.
 const CLOSE: f32 = 0.03;
-/// The largest number of a picture's channels that a message lists.
-const NAMED: usize = 8;
+/// The channels of an OpenEXR picture that the decoder reads.
+const READ: [&str; 4] = ["R", "G", "B", "A"];
 
 /// Returns an error if an OpenEXR picture lacks the channels that the decoder reads (R, G and B). The decoder
 /// also refuses a picture without R, G and B, but its message does not name the channels that the file has.
@@ -25,17 +26,29 @@ pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
     }
     let channels = headers.iter().flat_map(|header| &header.channels.list);
     let names: Vec<String> = channels.map(|channel| channel.name.to_string()).collect();
-    let shown = names[..names.len().min(NAMED)].join(", ");
-    let others =
-        if names.len() > NAMED { format!(" and {} more", names.len() - NAMED) } else { String::new() };
     Err(format!(
-        "has the channels {shown}{others}; expected R, G and B, without a layer's name and not as deep data"
+        "has the channels {}; expected R, G and B, without a layer's name and not as deep data",
+        eight(&names)
     ))
 }
 
-/// Returns at most two remarks on a picture: one if its header states other primaries or another white than
-/// sRGB's, and one if the header says that the picture is a cube map. The caller puts the file's name before each
-/// remark.
+/// Returns the names of an OpenEXR picture's channels that the decoder does not read: channels other than R, G, B and
+/// A, and all channels of further parts. Pictures in other formats have no such channels.
+pub fn unread_channels(bytes: &[u8]) -> Vec<String> {
+    let headers = exr_headers(bytes);
+    let Some(decoded) = headers.iter().position(is_decoded) else { return Vec::new() };
+    let names = |(part, header): (usize, &Header)| {
+        let layer = header.own_attributes.layer_name.as_ref().filter(|_| part != decoded);
+        let layer = layer.map(|name| format!("{name}.")).unwrap_or_default();
+        let channels = header.channels.list.iter().map(|channel| channel.name.to_string());
+        let unread = channels.filter(|name| part != decoded || !READ.contains(&name.as_str()));
+        unread.map(|name| layer.clone() + &name).collect::<Vec<_>>()
+    };
+    headers.iter().enumerate().flat_map(names).collect()
+}
+
+/// Returns remarks on a picture's header: on other primaries or another white than sRGB's, on a cube map, on a pixel
+/// aspect ratio other than 1, and on a GAMMA other than 1. The caller puts the file's name before each remark.
 pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let header = headers.iter().find(|header| is_decoded(header));
@@ -58,7 +71,14 @@ pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let map = header.and_then(|header| header.own_attributes.environment_map);
     let cube = (map == Some(EnvironmentMap::Cube))
         .then(|| "is a cube map, but is used as an equirectangular picture".to_owned());
-    primaries.into_iter().chain(cube).collect()
+    let aspect = header.map_or_else(|| hdr_header(bytes)?.pixel_aspect_ratio, exr_aspect);
+    let aspect = aspect
+        .filter(|aspect| *aspect != 1.0)
+        .map(|aspect| format!("states a pixel aspect ratio of {aspect}, which raycl ignores"));
+    let gamma = hdr_gamma(bytes).filter(|gamma| *gamma != 1.0).map(|gamma| {
+        format!("states GAMMA={gamma}, which raycl ignores: the picture's values count as linear light")
+    });
+    primaries.into_iter().chain(cube).chain(aspect).chain(gamma).collect()
 }
 
 /// Returns the headers of an OpenEXR picture, one per layer. Returns no header if the bytes are not an
@@ -75,15 +95,32 @@ fn is_decoded(header: &Header) -> bool {
     !header.deep && ["R", "G", "B"].iter().all(has)
 }
 
+fn exr_aspect(header: &Header) -> Option<f32> {
+    Some(header.shared_attributes.pixel_aspect)
+}
+
 fn exr_primaries(header: &Header) -> Option<[f32; 8]> {
     let Chromaticities { red, green, blue, white } = header.shared_attributes.chromaticities?;
     Some([red.0, red.1, green.0, green.1, blue.0, blue.1, white.0, white.1])
 }
 
+/// Returns the header of a Radiance HDR picture; `None` for other pictures and damaged headers.
+fn hdr_header(bytes: &[u8]) -> Option<HdrMetadata> {
+    Some(HdrDecoder::new(Cursor::new(bytes)).ok()?.metadata())
+}
+
+/// Returns the number of the last line GAMMA in the header of a Radiance HDR picture, which some programs write; `None`
+/// if the header has no such line, or if the line has no number.
+fn hdr_gamma(bytes: &[u8]) -> Option<f32> {
+    let header = hdr_header(bytes)?;
+    let (_, text) = header.custom_attributes.iter().rfind(|(key, _)| key == "GAMMA")?;
+    text.trim().parse().ok()
+}
+
 /// Returns the numbers of the last line PRIMARIES in the header of a Radiance HDR picture; `None` if the
 /// header has no such line, or if the line does not consist of eight numbers.
 fn hdr_primaries(bytes: &[u8]) -> Option<[f32; 8]> {
-    let header = HdrDecoder::new(Cursor::new(bytes)).ok()?.metadata();
+    let header = hdr_header(bytes)?;
     let (_, text) = header.custom_attributes.iter().rfind(|(key, _)| key == "PRIMARIES")?;
     let numbers: Vec<f32> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
     numbers.try_into().ok()
@@ -94,7 +131,8 @@ fn hdr_primaries(bytes: &[u8]) -> Option<[f32; 8]> {
 mod tests {
     use super::*;
     use exr::prelude::{
-        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, SpecificChannels, Vec2, WritableImage as _,
+        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer,
+        LayerAttributes, SpecificChannels, Vec2, WritableImage as _,
     };
 
     /// The chromaticities of the film colour space ACES.
@@ -163,6 +201,43 @@ mod tests {
         let said = header_remarks(&exr(None, Some(EnvironmentMap::Cube)));
         assert_eq!(said, ["is a cube map, but is used as an equirectangular picture"]);
         assert_eq!(header_remarks(&exr(None, Some(EnvironmentMap::LatitudeLongitude))), [""; 0]);
+    }
+
+    #[test]
+    fn a_pixel_aspect_ratio_and_a_gamma_are_remarked() {
+        let aspect = "states a pixel aspect ratio of 2, which raycl ignores";
+        let gamma = "states GAMMA=2.2, which raycl ignores: the picture's values count as linear light";
+        assert_eq!(header_remarks(&hdr("PIXASPECT=2\n")), [aspect]);
+        assert_eq!(header_remarks(&hdr("PIXASPECT=2\nGAMMA= 2.2\n")), [aspect, gamma]);
+        assert_eq!(header_remarks(&hdr("PIXASPECT=1\nGAMMA=1.0\n")), [""; 0]);
+        let mut image =
+            Image::from_channels((4, 2), SpecificChannels::rgb(|_: Vec2<usize>| (0.5_f32, 0.5_f32, 0.5_f32)));
+        image.attributes.pixel_aspect = 2.0;
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).unwrap();
+        assert_eq!(header_remarks(bytes.get_ref()), [aspect]);
+    }
+
+    #[test]
+    fn channels_and_parts_beside_the_colour_are_named() {
+        let unread = |names: &[&str]| unread_channels(&exr_of_channels(names));
+        assert_eq!(unread(&["A", "B", "G", "R", "Z", "diffuse.R"]), ["Z", "diffuse.R"]);
+        assert_eq!(unread(&["A", "B", "G", "R"]), [""; 0]);
+        assert_eq!(unread(&["Y"]), [""; 0]);
+        assert_eq!(unread_channels(&hdr("")), [""; 0]);
+        let layer = |name: &str| {
+            let grey = |_: Vec2<usize>| (0.5_f32, 0.5_f32, 0.5_f32);
+            Layer::new(
+                (4, 2),
+                LayerAttributes::named(name),
+                Encoding::SMALL_LOSSLESS,
+                SpecificChannels::rgb(grey),
+            )
+        };
+        let image = Image::empty(ImageAttributes::new(IntegerBounds::from_dimensions((4, 2))));
+        let mut bytes = Cursor::new(Vec::new());
+        image.with_layer(layer("left")).with_layer(layer("right")).write().to_buffered(&mut bytes).unwrap();
+        assert_eq!(unread_channels(bytes.get_ref()), ["right.B", "right.G", "right.R"]);
     }
 
     #[test]

@@ -4,12 +4,14 @@
 use super::{INPUTS, files};
 use crate::filetype::FileType;
 use crate::image::{
-    HdrExposure, check_channels, decoder_message, header_remarks, picture_reader, with_usual_signature,
+    HdrExposure, check_channels, decoder_message, header_remarks, unread_channels, with_usual_signature,
 };
 use crate::memory::Available;
 use crate::reader::{self, Kind};
+use crate::words::counted;
 use glam::{DQuat, DVec3, Vec3};
-use image::{DynamicImage, ImageDecoder, ImageFormat};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -76,6 +78,8 @@ pub(super) struct FileTexels {
     /// Remarks on unsuitable properties of the picture, for example if it is not twice as wide as high. Each
     /// remark continues a sentence that begins with the file's name.
     pub remarks: Vec<String>,
+    /// The names of the picture's channels that are not read.
+    pub unread: Vec<String>,
 }
 
 impl FileTexels {
@@ -91,7 +95,7 @@ impl FileTexels {
         let invalid = texels.iter().filter(is_invalid).count();
         // For a value that is not a number, `max` returns 0.
         texels.as_flattened_mut().iter_mut().for_each(|value| *value = value.max(0.0));
-        Self { size, texels: texels.into(), invalid, remarks: Vec::new() }
+        Self { size, texels: texels.into(), invalid, remarks: Vec::new(), unread: Vec::new() }
     }
 }
 
@@ -119,7 +123,8 @@ impl SkyPicture {
         };
         let damaged = |why: String| format!("cannot be decoded ({why})");
         check_channels(bytes)?;
-        let mut reader = picture_reader(bytes, Some(format)).map_err(damaged)?;
+        let mut source = Cursor::new(bytes);
+        let mut reader = ImageReader::with_format(&mut source, format);
         let mut limits = image::Limits::no_limits();
         limits.max_alloc = Some(DECODING_BYTES);
         reader.limits(limits);
@@ -134,10 +139,15 @@ impl SkyPicture {
         files::room_for(size, TEXEL_BYTES, available)?;
         let exposure = HdrExposure::of(bytes)?;
         let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
+        let clear = clear_texels(&picture);
         let picture = picture.into_rgb32f();
         let texels = picture.pixels().map(|texel| exposure.radiance(texel.0)).collect();
-        let remarks = header_remarks(bytes).into_iter().chain(stretched(size)).collect();
-        Ok(FileTexels { remarks, ..FileTexels::of([size.0, size.1], texels) })
+        // The decoder of OpenEXR files reads parts of the file in any order, so only the rest of an HDR is known.
+        let rest = if format == ImageFormat::Hdr { &bytes[source.position() as usize..] } else { &[] };
+        let remarks =
+            header_remarks(bytes).into_iter().chain(stretched(size)).chain(clear).chain(surplus(rest));
+        let (remarks, unread) = (remarks.collect(), unread_channels(bytes));
+        Ok(FileTexels { remarks, unread, ..FileTexels::of([size.0, size.1], texels) })
     }
 
     /// Returns a file's picture multiplied by `strength`. Returns an error if a product is more than `most`.
@@ -179,6 +189,20 @@ fn wrong_value([across, _]: [u32; 2], texels: &[[f32; 3]], most: f32) -> Option<
     Some(format!("a value of {:?} in column {x}, row {y} (from 0)", texels[at]))
 }
 
+/// Returns a remark on texels with an alpha other than 1; `None` if there are none.
+fn clear_texels(picture: &DynamicImage) -> Option<String> {
+    let DynamicImage::ImageRgba32F(picture) = picture else { return None };
+    let count = picture.pixels().filter(|texel| texel.0[3] != 1.0).count();
+    (count > 0)
+        .then(|| format!("has an alpha other than 1 in {}; alpha is not used", counted(count, "texel")))
+}
+
+/// Returns a remark on the bytes after a picture's last row; `None` if there are only blanks and line ends.
+fn surplus(rest: &[u8]) -> Option<String> {
+    let bytes = || counted(rest.len(), "byte after its last row");
+    (!rest.trim_ascii().is_empty()).then(|| format!("has {}, which raycl ignores", bytes()))
+}
+
 /// Returns a remark on a picture that is not twice as wide as high; otherwise `None`. The width may differ by
 /// 1, since an odd width cannot be exactly twice the height.
 fn stretched((width, height): (u32, u32)) -> Option<String> {
@@ -194,7 +218,6 @@ fn stretched((width, height): (u32, u32)) -> Option<String> {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use std::io::Cursor;
 
     #[test]
     fn texels_are_read_in_rows_and_none_is_negative() {
@@ -288,6 +311,29 @@ mod tests {
         assert_eq!(SkyPicture::strengthened(&file, 1.0, 4.0).unwrap(), file);
         let message = SkyPicture::strengthened(&file, 2.0, 7.0).unwrap_err();
         assert!(message.starts_with("has a value of [8.0, 0.0, 0.0] in column 1, row 1"), "{message}");
+    }
+
+    #[test]
+    fn alpha_and_bytes_after_the_last_row_are_remarked() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sky.exr");
+        let remarks = |alpha: [f32; 2]| {
+            let texels = alpha.map(|alpha| [1.0, 2.0, 3.0, alpha]).concat();
+            image::Rgba32FImage::from_vec(2, 1, texels).unwrap().save(&path).unwrap();
+            let read = SkyPicture::read(&path).unwrap();
+            assert_eq!((&*read.texels, read.unread.len()), (&[[1.0, 2.0, 3.0]; 2][..], 0));
+            read.remarks
+        };
+        assert_eq!(remarks([1.0, 1.0]), [""; 0]);
+        assert_eq!(remarks([1.0, 0.0]), ["has an alpha other than 1 in 1 texel; alpha is not used"]);
+        let path = folder.path().join("sky.hdr");
+        let remarks = |rest: &[u8]| {
+            let header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n";
+            std::fs::write(&path, [header, &[128, 64, 32, 129].repeat(2)[..], rest].concat()).unwrap();
+            SkyPicture::read(&path).unwrap().remarks
+        };
+        assert_eq!([&b""[..], b" \r\n"].map(remarks), [[""; 0]; 2]);
+        assert_eq!(remarks(b"abc"), ["has 3 bytes after its last row, which raycl ignores"]);
     }
 
     #[test]

@@ -4,10 +4,11 @@ use crate::error::{Result, nearest_file};
 use crate::reader::lies_in;
 use crate::scene::document::Document;
 use crate::scene::frame_cache::FrameCache;
+use crate::scene::obj::quoted;
 use crate::scene::sky::FileTexels;
 use crate::scene::wire::SkyWire;
 use crate::scene::{Sky, SkyPicture};
-use crate::words::counted;
+use crate::words::{counted, eight};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use toml::Spanned;
@@ -31,10 +32,12 @@ pub(super) fn build(
             return refused("a sky is a picture, or has a zenith and a horizon", "this sky has both");
         }
         (Some(file), _) => {
-            let FileTexels { size, texels, invalid, mut remarks } = texels(document, wire, file, cache)?;
+            let FileTexels { size, texels, invalid, mut remarks, unread } =
+                texels(document, wire, file, cache)?;
             remarks.extend((invalid > 0).then(|| {
                 format!("has negative values or NaN in {}; such values count as 0", counted(invalid, "texel"))
             }));
+            remarks.extend(unread_channels(document, file, &unread));
             let name = file.get_ref();
             notes.extend(remarks.iter().map(|remark| format!("the sky's picture `{name}` {remark}")));
             let turn_degrees = wire.turn_degrees.map_or(0.0, |degrees| f64::from(degrees.0));
@@ -50,6 +53,17 @@ pub(super) fn build(
     let horizon = wire.horizon.map_or(zenith, |horizon| Vec3::from_array(horizon.0));
     let reach = wire.reach.map_or(f32::MAX, |reach| reach.0);
     Ok(Sky { zenith, horizon, up: up.as_vec3(), reach, picture })
+}
+
+/// Returns a remark on the channels of the sky's picture that are not read; `None` if there are none. The remark names
+/// the channels if messages may quote the picture's file.
+fn unread_channels(document: &Document, file: &Spanned<String>, unread: &[String]) -> Option<String> {
+    let quotes = document.quotes || lies_in(&document.folder.join(file.get_ref()), &document.folder);
+    let names: Vec<String> = unread.iter().map(|name| quoted(name.as_bytes())).collect();
+    let names = if quotes { format!(": {}", eight(&names)) } else { String::new() };
+    let verb = if unread.len() == 1 { "is" } else { "are" };
+    (!unread.is_empty())
+        .then(|| format!("has {} that {verb} not read{names}", counted(unread.len(), "further channel")))
 }
 
 /// Returns the sky's picture, with its texels multiplied by the sky's `strength`.
