@@ -65,7 +65,9 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             property.name = original(key).unwrap_or_else(|| key.clone());
         }
     }
-    let checked = check_sizes(&header, payload.len()).and_then(|()| needed::check(&header));
+    let checked = check_sizes(&header, payload.len())
+        .and_then(|()| needed::check(&header))
+        .and_then(|()| unread::check(&header));
     checked.map_err(|flaw| named.error(flaw))?;
     hold(named.name, &header)?;
     let mut elements = match header.encoding {

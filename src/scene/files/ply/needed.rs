@@ -4,7 +4,6 @@
 
 use super::colour::CHANNELS;
 use super::elements::{NORMAL, is_corners};
-use super::unread::parted;
 use crate::error::or_meant;
 use crate::scene::files::flaw::Flaw;
 use crate::scene::obj::quoted;
@@ -14,9 +13,8 @@ use ply_rs_bw::ply::{ElementDef, Header, PropertyDef, PropertyType, ScalarType};
 /// Largest number of properties that a message lists.
 const MOST_LISTED: usize = 8;
 
-/// Returns an error if vertices have no x or y, or if faces or strips have no list of corners, or several. Also returns
-/// an error if the header lacks vertices or faces, but has an element with a similar name, and if it defines a property
-/// twice.
+/// Returns an error if vertices have no x or y, or if faces or strips have no list of corners. Also returns an error if
+/// the header lacks vertices or faces, but has an element with a similar name.
 pub(super) fn check(header: &Header) -> Result<(), Flaw> {
     check_names(header)?;
     let element = |name: &str| header.elements.get(name).filter(|element| element.count > 0);
@@ -26,31 +24,10 @@ pub(super) fn check(header: &Header) -> Result<(), Flaw> {
         return Err(without(vertex, &format!("no number `{name}`")));
     }
     let mut faces = ["face", "tristrips"].into_iter().filter_map(element);
-    if let Some(faces) = faces.find(|faces| !faces.properties.values().any(has_corners)) {
-        return Err(without(faces, "no list `vertex_indices` (or `vertex_index`) of whole numbers"));
+    match faces.find(|faces| !faces.properties.values().any(has_corners)) {
+        Some(faces) => Err(without(faces, "no list `vertex_indices` (or `vertex_index`) of whole numbers")),
+        None => Ok(()),
     }
-    ["vertex", "face", "tristrips"]
-        .into_iter()
-        .try_for_each(|kind| element(kind).map_or(Ok(()), |of| check_twice(kind, of)))
-}
-
-/// Returns an error if an element of the type `kind` has two properties for the same value: two lists of corners, or two
-/// properties of the same name. If raycl reads neither of the two, they cause no error.
-fn check_twice(kind: &str, element: &ElementDef) -> Result<(), Flaw> {
-    let (read, unread) = parted(kind, element);
-    let is_list = |property: &&PropertyDef| kind != "vertex" && is_corners(&property.name);
-    let mut lists = element.properties.values().filter(is_list);
-    let two = (lists.next(), lists.next());
-    let same = unread.iter().find_map(|other| Some((read.iter().find(|one| one.name == other.name)?, other)));
-    let (what, one, other) = match (two, same) {
-        ((Some(one), Some(other)), _) => ("lists of corners", one, other),
-        (_, Some((one, other))) => ("properties of the same name", *one, *other),
-        _ => return Ok(()),
-    };
-    let [one, other] = [one, other].map(|property| quoted(property.name.as_bytes()));
-    let flaw =
-        Flaw::from(format!("`{}` has two {what}, {one} and {other}; expected one of them", element.name));
-    Err(flaw.with_remedy("export the file again with one of the two"))
 }
 
 /// Returns an error if the header lacks vertices, or lacks both faces and strips, but has an element with a

@@ -1,20 +1,48 @@
-//! Finds the properties of vertices, faces and strips that raycl does not read.
+//! Finds the properties of vertices, faces and strips that raycl does not read. A property that raycl would read is
+//! refused if another one takes its place.
 
 use super::colour::channels;
 use super::elements::{CORNERS, NORMAL, is_corners};
 use super::needed::{groups, incomplete};
+use crate::scene::files::flaw::Flaw;
 use crate::scene::obj::quoted;
 use crate::words::{counted, counted_are, eight};
 use ply_rs_bw::ply::{ElementDef, Header, PropertyDef, PropertyType};
 
+/// The elements of which raycl reads properties, and the words for them in messages.
+const KINDS: [(&str, &str); 3] = [("vertex", "vertex"), ("face", "face"), ("tristrips", "strip")];
+
+/// Returns an error if an element has two properties for the same value: two lists of corners, or two properties of the
+/// same name. If raycl reads neither of the two, they cause no error.
+pub(super) fn check(header: &Header) -> Result<(), Flaw> {
+    let elements = KINDS.into_iter().filter_map(|(kind, _)| Some((kind, header.elements.get(kind)?)));
+    elements
+        .filter(|(_, element)| element.count > 0)
+        .try_for_each(|(kind, element)| check_twice(kind, element))
+}
+
+fn check_twice(kind: &str, element: &ElementDef) -> Result<(), Flaw> {
+    let (read, unread) = parted(kind, element);
+    let is_list = |property: &&PropertyDef| kind != "vertex" && is_corners(&property.name);
+    let mut lists = element.properties.values().filter(is_list);
+    let two = (lists.next(), lists.next());
+    let same = unread.iter().find(|other| read.iter().any(|one| one.name == other.name));
+    let shown = |property: &PropertyDef| quoted(property.name.as_bytes());
+    let what = match (two, same) {
+        ((Some(one), Some(other)), _) => format!("lists of corners, {} and {}", shown(one), shown(other)),
+        (_, Some(one)) => format!("properties {}", shown(one)),
+        _ => return Ok(()),
+    };
+    // The names are known to raycl, so they are no quotation of the file.
+    let flaw = Flaw::from(format!("`{}` has two {what}; expected one of them", element.name));
+    Err(flaw.with_remedy("export the file again with one of the two"))
+}
+
 /// Returns, for vertices, faces and strips, a note with the names and the number of the properties that are not read.
 /// The notes have names from the file only if `quotes` is true.
 pub(super) fn notes(header: &Header, quotes: bool) -> Vec<String> {
-    let kinds = [("vertex", "vertex"), ("face", "face"), ("tristrips", "strip")];
-    kinds
-        .into_iter()
-        .filter_map(|(kind, word)| note(kind, word, header.elements.get(kind)?, quotes))
-        .collect()
+    let note_on = |(kind, word)| note(kind, word, header.elements.get(kind)?, quotes);
+    KINDS.into_iter().filter_map(note_on).collect()
 }
 
 fn note(kind: &str, word: &str, element: &ElementDef, quotes: bool) -> Option<String> {
@@ -31,10 +59,7 @@ fn note(kind: &str, word: &str, element: &ElementDef, quotes: bool) -> Option<St
 /// Returns the properties of an element of the type `kind` (`vertex`, `face` or `tristrips`): first those that raycl
 /// reads, then those that it does not read. A property of an incomplete group counts as read, because a note on the
 /// whole group names it.
-pub(super) fn parted<'a>(
-    kind: &str,
-    element: &'a ElementDef,
-) -> (Vec<&'a PropertyDef>, Vec<&'a PropertyDef>) {
+fn parted<'a>(kind: &str, element: &'a ElementDef) -> (Vec<&'a PropertyDef>, Vec<&'a PropertyDef>) {
     let known = known(kind, element);
     let is_read = |(name, property): (&String, &PropertyDef)| {
         let is_list = matches!(property.data_type, PropertyType::List(..));
