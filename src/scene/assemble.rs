@@ -261,7 +261,8 @@ fn made(
     cache: &mut FrameCache,
     notes: &mut Vec<String>,
 ) -> Result<Vec<MeshFile>> {
-    let (crease, alone) = (wire.crease.map(|crease| crease.0), objects::is_alone(document, &wire.object));
+    let crease = wire.crease.as_ref().map(|crease| crease.get_ref().0);
+    let alone = objects::is_alone(document, &wire.object);
     let mut one = |(number, object)| {
         cache.mesh(number, || {
             let mut file = objects::make(document, object, crease, alone, notes)?;
@@ -278,7 +279,9 @@ fn made(
             Ok(file)
         })
     };
-    wire.object.iter().enumerate().map(&mut one).collect()
+    let files: Vec<MeshFile> = wire.object.iter().enumerate().map(&mut one).collect::<Result<_>>()?;
+    notes.extend(objects::unused_creases(document, wire, &files));
+    Ok(files)
 }
 
 /// The camera and the lights of the objects' mesh files. Only glTF files can contain a camera or lights.

@@ -171,6 +171,12 @@ impl Document {
         self.origin(span).location(&self.name, self.original())
     }
 
+    /// Returns true if the user wrote the part `span` of the text: if the part is in a scene file, or comes from a
+    /// setting. Returns false for a default in the document of a bare mesh.
+    pub fn is_written(&self, span: &Range<usize>) -> bool {
+        !self.bare || !matches!(self.origin(span), Origin::File(_))
+    }
+
     /// Returns `FILE:LINE` of the file's last line.
     pub fn last_line(&self) -> String {
         format!("{}:{}", self.name, self.original().lines().count())

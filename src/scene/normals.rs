@@ -19,8 +19,8 @@ const CANCELLED: f64 = 1e-9;
 
 /// Gives every corner a finite normal that is not zero. Generated normals are smooth, except at creases:
 /// edges whose faces' normals differ by more than `crease_degrees`. If `crease_degrees` is `None`, there are
-/// no creases.
-pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
+/// no creases. Returns true if normals were generated.
+pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) -> bool {
     let triangles = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).enumerate();
     let without: Vec<u32> = triangles
         .filter(|(_, triangle)| triangle.normals.contains(&MISSING))
@@ -34,6 +34,7 @@ pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     }
     mesh.normals.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(|normal| *normal = tame(*normal));
     replace_zero(mesh);
+    !without.is_empty()
 }
 
 /// Replaces all normals: each triangle gets the normal of its plane at all corners.

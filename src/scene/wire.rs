@@ -49,7 +49,8 @@ pub(super) struct SceneWire {
     /// Crease angle in degrees: edges of meshes without normals stay sharp if their faces meet at a larger
     /// angle. The crease angle is measured in the mesh's own coordinates, before `scale` [default: all edges
     /// are smooth].
-    pub crease: Option<Number<Crease>>,
+    #[schemars(with = "Option<Number<Crease>>")]
+    pub crease: Option<Spanned<Number<Crease>>>,
     /// The gap between a hit and that end of the hit's shadow ray which is near the hit [default: 1e-4 of the diagonal
     /// of the scene's box, but at least 9.5e-7 of the largest coordinate of the surfaces and of the camera's position].
     pub shadow_bias: Option<Number<NonNegative>>,

@@ -41,9 +41,33 @@ pub(super) fn camera(
     let lens = field_of_view(document, wire)?;
     let base = base_camera(wire, lens, mesh, ball, seen, shot, notes);
     let camera = with_values(document, wire, base, lens, ball)?;
+    notes.extend(unused_angles(document, wire));
     let eye = wire.position.as_ref().map_or(0..0, Spanned::span);
     check_camera(&camera).map_err(|error| document.located(eye, error, "this camera"))?;
     Ok(camera)
+}
+
+/// Returns a note on angles that do not turn the camera, because the scene file sets the camera's position; `None` if
+/// there are none.
+fn unused_angles(document: &Document, wire: &CameraWire) -> Option<String> {
+    let location = document.location_of(&wire.position.as_ref()?.span());
+    let angles = [
+        ("azimuth_degrees", wire.azimuth_degrees.is_some()),
+        ("elevation_degrees", wire.elevation_degrees.is_some()),
+    ];
+    let set: Vec<&str> = angles.into_iter().filter(|(_, is_set)| *is_set).map(|(key, _)| key).collect();
+    let (turn, change) = match set.len() {
+        1 => ("does not turn it", "it only changes"),
+        _ => ("do not turn it", "they only change"),
+    };
+    let note = || {
+        format!(
+            "{location}: the camera's position is set, so {} {turn}; {change} the defaults of `look_at` and of the field \
+             of view",
+            set.join(" and ")
+        )
+    };
+    (!set.is_empty()).then(note)
 }
 
 /// Returns the base camera. Without a `ball` (the ball around the scene), the base camera is the paper's

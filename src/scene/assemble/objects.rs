@@ -12,7 +12,7 @@ use crate::scene::normals::{self, MISSING};
 use crate::scene::obj::Permitted;
 use crate::scene::shapes::{self, Shape};
 use crate::scene::transform::Transform;
-use crate::scene::wire::{MaterialWire, ObjectWire, Position, Whole};
+use crate::scene::wire::{MaterialWire, ObjectWire, Position, SceneWire, Whole};
 use crate::scene::{Material, MaterialKind, Mesh, Triangle, obj};
 use crate::words::{counted, counted_are};
 use glam::{DVec3, Vec3};
@@ -52,17 +52,38 @@ pub(super) fn make(
             })?;
             made(shapes::generate(&shape))
         }
-        (None, None, Some(vertices)) => inline(document, wire, vertices)?,
+        (None, None, Some(vertices)) => inline(document, wire, vertices, notes)?,
         _ => {
             let message = "an object is one of: mesh = \"FILE\", shape = \"NAME\", vertices and faces";
             return Err(document.error(span, message, "this object has none or several of them"));
         }
     };
-    normals::complete(&mut file.mesh, crease);
+    file.creased = normals::complete(&mut file.mesh, crease) && !wire.flat;
     if wire.flat {
         normals::flatten(&mut file.mesh);
     }
     Ok(file)
+}
+
+/// Returns a note on each crease angle that has no effect: that of an object without generated normals, and that of the
+/// scene if no object uses it. The default of a bare mesh causes no note. `files` has the mesh of each object.
+pub(super) fn unused_creases(document: &Document, scene: &SceneWire, files: &[MeshFile]) -> Vec<String> {
+    let objects = || scene.object.iter().map(Spanned::get_ref).zip(files);
+    let own = objects().filter(|(_, file)| !file.creased).filter_map(|(object, _)| {
+        let reason =
+            if object.flat { "the object is flat" } else { "all corners of the object have normals" };
+        Some((object.crease.as_ref()?.span(), reason))
+    });
+    let uses_that_of_scene =
+        |(object, file): (&ObjectWire, &MeshFile)| object.crease.is_none() && file.creased;
+    let of_scene = scene.crease.as_ref().map(Spanned::span);
+    let of_scene = of_scene.filter(|span| document.is_written(span) && !objects().any(uses_that_of_scene));
+    let reason = "each object is flat, has normals at all corners, or has a crease angle of its own";
+    own.chain(of_scene.map(|span| (span, reason)))
+        .map(|(span, reason)| {
+            format!("{}: this crease angle has no effect, since {reason}", document.location_of(&span))
+        })
+        .collect()
 }
 
 fn transform(wire: &ObjectWire) -> Transform {
@@ -309,8 +330,15 @@ fn room_for(shape: &Shape) -> Result<()> {
 /// For each face, the indices of its corners' vertices or normals.
 type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
 
-/// Returns the mesh of an object whose vertices and faces are in the scene file itself.
-fn inline(document: &Document, wire: &ObjectWire, vertices: &Spanned<Vec<Position>>) -> Result<MeshFile> {
+/// Returns the mesh of an object whose vertices and faces are in the scene file itself. Adds the same notes as for a
+/// mesh file: if normals are zero, and if no triangle has an area.
+fn inline(
+    document: &Document,
+    wire: &ObjectWire,
+    vertices: &Spanned<Vec<Position>>,
+    notes: &mut Vec<String>,
+) -> Result<MeshFile> {
+    let location = document.location_of(&vertices.span());
     let Some(faces) = &wire.faces else {
         return Err(document.error(
             vertices.span(),
@@ -323,6 +351,9 @@ fn inline(document: &Document, wire: &ObjectWire, vertices: &Spanned<Vec<Positio
     let normals = wire.normals.as_ref().map(Spanned::get_ref);
     mesh.normals = normals.into_iter().flatten().map(|normal| Vec3::from_array(normal.0)).collect();
     // Without `face_normals`, each vertex has the normal with the vertex's own number.
+    if let (Some(normals), None) = (&wire.normals, &wire.face_normals) {
+        check_count(document, normals, vertices.len())?;
+    }
     let face_normals = wire.face_normals.as_ref().or(wire.normals.as_ref().map(|_| faces));
     check_indices(document, faces, vertices.len(), "vertex")?;
     if let Some(face_normals) = face_normals {
@@ -340,6 +371,8 @@ fn inline(document: &Document, wire: &ObjectWire, vertices: &Spanned<Vec<Positio
     // are converted to the scene's coordinates.
     let placement = Placement { scale: 1.0, ..files::placement_of(used(&mesh, &vertices)) };
     mesh.positions = vertices.into_iter().map(|vertex| placement.apply(vertex).as_vec3()).collect();
+    let own = files::note_normals(&mesh).into_iter().chain(files::invisible(&mesh));
+    notes.extend(own.map(|note| format!("{location}: {note}")));
     Ok(MeshFile { mesh, placement, ..MeshFile::default() })
 }
 
@@ -388,6 +421,17 @@ fn check_indices(document: &Document, faces: &Faces, count: usize, what: &str) -
         }
     }
     Ok(())
+}
+
+/// Returns an error if the number of normals differs from the number of vertices.
+fn check_count<T>(document: &Document, normals: &Spanned<Vec<T>>, vertices: usize) -> Result<()> {
+    let count = normals.get_ref().len();
+    if count == vertices {
+        return Ok(());
+    }
+    let message = format!("{} for {}", counted(count, "normal"), counted(vertices, "vertex"));
+    let error = document.error(normals.span(), message, "expected one normal per vertex");
+    Err(error.with_help("`face_normals` assigns normals to the corners of faces"))
 }
 
 fn check_lengths(document: &Document, faces: &Faces, normals: &Faces) -> Result<()> {

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use crate::scene::{Scene, Setting, Shot, load_scene, load_scene_for, load_scene_with};
+use crate::scene::{Scene, Setting, Shot, load_scene, load_scene_for, load_scene_named_in, load_scene_with};
 use glam::Vec3;
 use std::path::Path;
 use toml::Value;
@@ -954,6 +954,38 @@ fn a_skys_picture_that_is_not_what_it_is_used_as_is_noted() {
     assert!(notes().len() == 1 && notes()[0].starts_with(start), "{:?}", notes());
 }
 
+/// The notes name no channel if the scene file, which another file names, and the picture are elsewhere.
+#[test]
+fn channels_of_a_skys_picture_that_are_not_read_are_named_where_messages_may_quote_the_picture() {
+    use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, WritableImage as _};
+    let folder = tempfile::tempdir().unwrap();
+    let [inner, other] = ["b", "c"].map(|name| folder.path().join(name));
+    [&inner, &other].iter().for_each(|folder| std::fs::create_dir(folder).unwrap());
+    let write = |names: &[&str]| {
+        let channel = |name: &&str| AnyChannel::new(*name, FlatSamples::F32(vec![0.5; 8]));
+        let channels = AnyChannels::sort(names.iter().map(channel).collect());
+        let image = Image::from_encoded_channels((4, 2), Encoding::SMALL_LOSSLESS, channels);
+        image.write().to_file(folder.path().join("sky.exr")).unwrap();
+    };
+    let notes = |scene: &Path, picture: &str| {
+        let text = format!("[sky]\npicture = \"{picture}\"\n[[object]]\nshape = \"ground\"\n");
+        std::fs::write(scene, text).unwrap();
+        let notes = load_scene_named_in(&other, scene, &[], Shot::SQUARE).unwrap().notes;
+        notes.into_iter().filter(|note| note.contains("channel")).collect::<Vec<_>>()
+    };
+    let scene = folder.path().join("a.toml");
+    write(&["R", "G", "B", "A"]);
+    assert_eq!(notes(&scene, "sky.exr"), [""; 0]);
+    write(&["R", "G", "B", "Z"]);
+    let one = "the sky's picture `sky.exr` has 1 further channel that is not read: `Z`";
+    assert_eq!(notes(&scene, "sky.exr"), [one]);
+    write(&["R", "G", "B", "Z", "diffuse.R"]);
+    let two = "has 2 further channels that are not read";
+    assert_eq!(notes(&scene, "sky.exr"), [format!("the sky's picture `sky.exr` {two}: `Z`, `diffuse.R`")]);
+    let withheld = notes(&inner.join("a.toml"), "../sky.exr");
+    assert_eq!(withheld, [format!("the sky's picture `../sky.exr` {two}")]);
+}
+
 /// If the picture's file can be opened, its path is correct, so the help does not mention paths.
 #[test]
 fn a_skys_picture_without_colours_is_refused_with_its_channels() {
@@ -991,7 +1023,16 @@ fn faces_and_normals_that_do_not_fit_are_reported() {
     for (keys, message) in [
         ("", "`vertices` without `faces`"),
         ("faces = []", "`faces` is empty: no triangles"),
-        ("faces = [[0, 1, 2]]\nnormals = []", "normal 0 does not exist; the object has no normal"),
+        ("faces = [[0, 1, 2]]\nnormals = []", "0 normals for 3 vertices"),
+        ("faces = [[0, 1, 2]]\nnormals = [[0, 0, 1]]", "1 normal for 3 vertices"),
+        (
+            "faces = [[0, 1, 2]]\nnormals = [[0, 0, 1], [0, 0, 1], [0, 0, 1], [1, 0, 0]]",
+            "4 normals for 3 vertices",
+        ),
+        (
+            "faces = [[0, 1, 2]]\nnormals = []\nface_normals = [[0, 0, 0]]",
+            "normal 0 does not exist; the object has no normal",
+        ),
         (
             "faces = [[0, 1, 2]]\nnormals = [[0, 0, 1]]\nface_normals = [[0, 0, 4]]",
             "normal 4 does not exist; expected 0 to 0",
@@ -1018,6 +1059,84 @@ fn faces_and_normals_that_do_not_fit_are_reported() {
     let normals = "normals = [[0, 0, 1], [1, 0, 0]]\nface_normals = [[0, 1, 0]]";
     let mesh = load(&format!("faces = [[0, 1, 2]]\n{normals}")).unwrap().scene.mesh;
     assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::Z, Vec3::X, Vec3::Z]);
+}
+
+#[test]
+fn normals_and_faces_in_a_scene_file_cause_the_same_notes_as_those_of_a_mesh_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let notes = |keys: &str| {
+        std::fs::write(&path, format!("[[object]]\n{keys}\nfaces = [[0, 1, 2]]\n")).unwrap();
+        load_scene_with(&path, &[]).unwrap().notes
+    };
+    let vertices = "vertices = [[0, 0, -3], [1, 0, -3], [0, 1, -3]]\n";
+    let usual = notes(&format!("{vertices}normals = [[0, 0, 1], [0, 0, 1], [0, 0, 1]]"));
+    let added = |keys: &str| notes(keys).into_iter().filter(|note| !usual.contains(note)).collect::<Vec<_>>();
+    let location = format!("{}:2: ", path.display());
+    let zero = "1 triangle with a normal that is zero or not finite is changed: each such normal becomes the normal of \
+                its triangle's plane";
+    let with_zero = added(&format!("{vertices}normals = [[0, 0, 0], [0, 0, 1], [0, 0, 1]]"));
+    assert_eq!(with_zero, [format!("{location}{zero}")]);
+    let nothing = "nothing is visible, since the mesh's only triangle has no area";
+    let flat = added("vertices = [[0, 0, -3], [0, 0, -3], [0, 1, -3]]");
+    assert!(flat.contains(&format!("{location}{nothing}")), "{flat:?}");
+}
+
+#[test]
+fn a_crease_angle_without_effect_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, mesh] = ["a.toml", "a.obj"].map(|name| folder.path().join(name));
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    std::fs::write(&mesh, format!("{corners}vn 0 0 1\nf 1//1 2//1 3//1\n")).unwrap();
+    std::fs::write(folder.path().join("b.obj"), format!("{corners}f 1 2 3\n")).unwrap();
+    let notes_of = |path: &Path, settings: &[(String, Value)]| {
+        let notes = load_scene_with(path, settings).unwrap().notes;
+        notes.into_iter().filter(|note| note.contains("crease angle")).collect::<Vec<_>>()
+    };
+    let notes = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        notes_of(&path, &[])
+    };
+    let at = |line: u32, reason: &str| {
+        format!("{}:{line}: this crease angle has no effect, since {reason}", path.display())
+    };
+    let [a, b] = ["a", "b"].map(|name| format!("[[object]]\nmesh = \"{name}.obj\"\n"));
+    let with_normals = "all corners of the object have normals";
+    assert_eq!(notes(&format!("{a}crease = 30\n")), [at(3, with_normals)]);
+    assert_eq!(notes(&format!("{b}crease = 30\n")), [""; 0]);
+    assert_eq!(notes(&format!("{b}flat = true\ncrease = 30\n")), [at(4, "the object is flat")]);
+    let none = "each object is flat, has normals at all corners, or has a crease angle of its own";
+    assert_eq!(notes(&format!("crease = 30\n{a}")), [at(1, none)]);
+    assert_eq!(notes(&format!("crease = 30\n{a}{b}")), [""; 0]);
+    assert_eq!(notes(&format!("crease = 30\n{a}{b}crease = 40\n")), [at(1, none)]);
+    // A bare mesh has a default crease angle, which causes no note.
+    assert_eq!(notes_of(&mesh, &[]), [""; 0]);
+    let set = notes_of(&mesh, &[("crease".to_owned(), Value::from(20))]);
+    assert!(set.len() == 1 && set[0].contains(none) && !set[0].contains("a.obj:"), "{set:?}");
+}
+
+#[test]
+fn angles_beside_a_position_are_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let notes = |camera: &str| {
+        std::fs::write(&path, format!("[[object]]\nshape = \"sphere\"\n[camera]\n{camera}\n")).unwrap();
+        let notes = load_scene_with(&path, &[]).unwrap().notes;
+        notes.into_iter().filter(|note| note.contains("the camera's position")).collect::<Vec<_>>()
+    };
+    let expected = |angles: &str| {
+        let defaults = "the defaults of `look_at` and of the field of view";
+        format!("{}:4: the camera's position is set, so {angles} {defaults}", path.display())
+    };
+    assert_eq!(
+        notes("position = [0, 0, 3]\nazimuth_degrees = 40"),
+        [expected("azimuth_degrees does not turn it; it only changes")]
+    );
+    let both = "position = [0, 0, 3]\nlook_at = [0, 0, 0]\nazimuth_degrees = 40\nelevation_degrees = 20";
+    let they_do = "azimuth_degrees and elevation_degrees do not turn it; they only change";
+    assert_eq!(notes(both), [expected(they_do)]);
+    assert_eq!(notes("position = [0, 0, 3]"), [""; 0]);
+    assert_eq!(notes("azimuth_degrees = 40\nlook_at = [0, 0, 0]"), [""; 0]);
 }
 
 #[test]

@@ -56,6 +56,8 @@ pub(in crate::scene) struct MeshFile {
     pub lights: Vec<FileLight>,
     /// For a glTF file: the number of the mesh's materials that ask for light on both sides of their surfaces.
     pub double_sided: usize,
+    /// True if the mesh may have creases: if some of its normals were generated, and it was not made flat afterwards.
+    pub creased: bool,
     /// Notes for the user on parts of the file that raycl ignores or changes.
     pub notes: Vec<String>,
 }
@@ -136,7 +138,7 @@ pub(in crate::scene) fn read(
 /// Returns a note on triangles with normals that are zero, which are later replaced by the normals of the triangles'
 /// planes. Normals that are not finite have become zero, too. Triangles without area do not count, since they are not
 /// visible. Must be called before normals are generated, because generated normals may be zero.
-fn note_normals(mesh: &Mesh) -> Option<String> {
+pub(in crate::scene) fn note_normals(mesh: &Mesh) -> Option<String> {
     if !mesh.normals.contains(&Vec3::ZERO) {
         return None;
     }
@@ -158,7 +160,7 @@ fn has_area(mesh: &Mesh, triangle: &Triangle) -> bool {
 }
 
 /// Returns a note if nothing is visible because no triangle of the mesh has an area.
-fn invisible(mesh: &Mesh) -> Option<String> {
+pub(in crate::scene) fn invisible(mesh: &Mesh) -> Option<String> {
     let triangles = mesh.triangles.len();
     let note = || match triangles {
         1 => "nothing is visible, since the mesh's only triangle has no area".to_owned(),
