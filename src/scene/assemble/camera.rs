@@ -62,8 +62,8 @@ fn unused_angles(document: &Document, wire: &CameraWire) -> Option<String> {
     };
     let note = || {
         format!(
-            "{location}: the camera's position is set, so {} {turn}; {change} the defaults of `look_at` and of the field \
-             of view",
+            "{location}: the camera's position is set, so {} {turn}; {change} the defaults of `look_at` and of the \
+             field of view",
             set.join(" and ")
         )
     };

@@ -77,8 +77,8 @@ pub(super) fn has_number(element: &ElementDef, name: &str) -> bool {
     property.is_some_and(|property| matches!(property.data_type, PropertyType::Scalar(_)))
 }
 
-/// Returns the groups of properties, such as nx, ny and nz, that elements of the type `kind` may have only together. The
-/// names r, g and b are no group, since a single `r` may also be a radius.
+/// Returns the groups of properties, such as nx, ny and nz, that elements of the type `kind` may have only together.
+/// The names r, g and b are no group, since a single `r` may also be a radius.
 pub(super) fn groups(kind: &str) -> Vec<[&'static str; 3]> {
     let [colours, diffuse, _] = CHANNELS;
     match kind {
