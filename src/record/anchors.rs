@@ -12,14 +12,14 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 /// A line of `anchors.jsonl`: one execution of the anchor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AnchorSample {
-    /// The anchor's name. Anchors with equal names do the same work on the same device, or on devices of one
-    /// model that share a run's points.
+    /// The anchor's name. Anchors with equal names do the same work, on devices that are equal in name, driver and
+    /// settings, or on devices of one model over which a run distributed its points.
     pub anchor: String,
     /// The device's name in records.
     pub device: String,
-    /// The number of the launch, unique in the folder of results, in which the anchor was run.
+    /// The number of the launch in which the anchor was run. This number is unique in the folder of results.
     pub launch: u32,
-    /// The round of the launch (one sample of each point), counted from 0.
+    /// The number of the round (one sample of each point), counted from 0 in each launch.
     pub round: u32,
     /// The time at which this execution of the anchor kernel ended, in milliseconds since the first round of
     /// the launch began.
@@ -51,7 +51,8 @@ pub(super) struct AnchorTimes<'a> {
     /// The name of the anchor's device.
     pub device: &'a str,
     /// The anchor's samples, except preempted samples (those during which other programs probably used the processors).
-    /// If a sample's utilization is unknown, the list contains all samples.
+    /// If fewer than five samples of a launch would remain, the launch's five samples with the highest utilization
+    /// remain. If a sample's utilization is unknown, the list contains all samples.
     pub remaining: Vec<&'a AnchorSample>,
     /// The ratio of the anchor's processor time to its elapsed time; `None` if a sample lacks one of these
     /// times, or if an elapsed time is 0.
@@ -99,10 +100,12 @@ impl AnchorUtilization {
 
 /// Replaces the names of devices in the anchors' samples by the names in the plan (the list of a run's points).
 /// `records` are records of the same folder, with the device names under which they were stored. A device's name
-/// depends on the machine's other devices, so an earlier session may have used another name than the plan. For each
-/// sample, the record with the same launch and device shows the device's name in the plan. If no record has the launch
-/// and the device of a sample, for example after an interrupted session, the sample gets the device name of other
-/// samples of the same anchor or, if no sample of the anchor has such a record, keeps its name.
+/// depends on the machine's other devices, so an earlier session may have used another name than the plan.
+///
+/// The plan has a device name for the key of each record that belongs to the plan. A sample gets the name that the plan
+/// has for a record with the sample's launch and stored device name. If no record of the plan has this launch and this
+/// name (for example, after an interrupted session), the sample gets the new name of another sample of the same
+/// anchor. If no sample of the anchor has a new name, the sample keeps its name.
 pub(super) fn name_devices<'a>(
     anchors: &mut [AnchorSample],
     plan: &CurrentPlan,
@@ -153,8 +156,8 @@ mod tests {
         assert_eq!(anchors.map(|anchor| anchor.device), ["pocl-cpu", "pocl-cpu", "intel-cpu", "cpu"]);
     }
 
-    /// The utilization is relative to the host's clock, since the device time does not include the time in
-    /// which the process waits for the device.
+    /// The utilization is the processor time divided by the time on the host's clock. The processor time includes the
+    /// enqueueing of the kernel, but the device time does not.
     #[test]
     fn an_anchors_utilization_is_relative_to_the_time_on_the_hosts_clock() {
         let sample =

@@ -7,7 +7,7 @@ use super::types::Record;
 use crate::measure::{Interval, Standing};
 use std::collections::HashMap;
 
-/// The key of a block's control point, and its times as measured in this block.
+/// The key of a block's control point, and the times of this point as measured in the block.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Control {
     key: String,
@@ -19,7 +19,7 @@ pub(super) struct Control {
 
 /// Assigns to each record of a block (points that one machine measured together) the times of the block's
 /// control point, which were measured in the same rounds. Every block of a group measures the same control
-/// point.
+/// point. If the control point has no time in a block, the block's records get no times of a control point.
 pub(super) fn find_controls(records: &mut [Record]) {
     let mut blocks: HashMap<blake3::Hash, Standing> = HashMap::new();
     for record in records.iter().filter(|record| record.control.as_ref() == Some(&record.key)) {
@@ -35,10 +35,10 @@ pub(super) fn find_controls(records: &mut [Record]) {
 }
 
 impl RelativeTimes {
-    /// Returns the record's level, the logarithm of a time. Records are ranked by their levels. The levels of two
-    /// records can be compared only if the records have the same [`Self::family`]. If the record's block has a control
-    /// point, the level is reduced by the control point's level in the same block, so that the speed of the machine
-    /// that measured the block cancels.
+    /// Returns the record's level: the logarithm of the record's time, as the mean over all launches. Records are
+    /// ranked by their levels. The levels of two records can be compared only if the records have the same
+    /// [`Self::family`]. If the record's block has a control point, the level is reduced by the control point's level
+    /// in the same block, so that the speed of the machine that measured the block cancels.
     pub(super) fn level(&self) -> f64 {
         let of_control = self.control.as_ref().map_or(0.0, |control| control.standing.level());
         self.standing.level() - of_control

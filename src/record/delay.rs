@@ -4,9 +4,10 @@
 //! `raycl compare` divides a point's time by the time of its anchor, so that a machine's speed cancels. Other
 //! programs may delay the point and its anchor by different factors. For example, a frame of half a
 //! millisecond often ends before it is preempted, whereas an anchor of five milliseconds may be preempted in
-//! all samples. raycl leaves out preempted samples, but keeps at least five samples of each launch. If all
-//! samples of a run are preempted, raycl keeps all of them. The utilization of a sample is its processor time
-//! divided by its elapsed time. The utilization of the samples that raycl keeps shows by how much other
+//! all samples. The utilization of a sample is its processor time divided by its elapsed time. raycl leaves
+//! out samples whose utilization is clearly below the usual utilization in the run, but keeps at least five
+//! samples of each launch. If other programs delay all samples of a run by about the same factor, raycl
+//! therefore keeps all samples. The utilization of the samples that raycl keeps shows by how much other
 //! programs may have delayed these samples.
 
 use super::types::Record;
@@ -61,8 +62,8 @@ mod tests {
         record
     }
 
-    /// Returns a factor for the change of a point's time from an undisturbed run to the run `after`. The
-    /// measured change may be too large by this factor.
+    /// Returns the factor by which the measured change of a point's time, from an undisturbed run to the run
+    /// `after`, may be too large.
     fn factor(after: &Record) -> f64 {
         let quiet = record(2.0, [2.0; 2]);
         let delay = unshared_delay(&quiet, after);
@@ -79,7 +80,7 @@ mod tests {
         assert_eq!(
             factor(&record(1.0, [2.0, 1.6])),
             1.25,
-            "other programs delayed the anchor by 1.25, and the point is assumed to be delayed no more"
+            "other programs delayed the anchor by a factor of 1.25, and the point is assumed to be delayed no more"
         );
         assert_eq!(factor(&record(1.0, [2.0, 2.0])), 1.0, "on a quiet machine, the kernel changed");
     }

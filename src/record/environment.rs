@@ -12,7 +12,7 @@ use super::whole::write_json;
 use crate::device::{DeviceInfo, common_name, variables};
 use crate::error::Result;
 
-/// The contents of `environment.json`: the conditions of a run that are not in its records.
+/// The contents of `environment.json`: the conditions under which a run was measured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// The version of the raycl program that measured the run.
@@ -20,7 +20,8 @@ pub struct Environment {
     /// The git revision from which raycl was built, with "-dirty" if there were uncommitted
     /// changes; null if the revision is unknown.
     pub git_revision: Option<String>,
-    /// How raycl was built: profile, optimisation, target and the target's features, flags, compiler.
+    /// How raycl was built: the profile, the level of optimisation, the target with its features, the compiler's
+    /// flags, and the compiler.
     #[serde(default)]
     pub build: String,
     /// All environment variables of OpenCL drivers, loaders and the library Rayon that are set, as
@@ -61,8 +62,8 @@ pub struct Source {
     pub what: String,
     /// The input's path; "built in" for the kernels that raycl's binary contains.
     pub path: String,
-    /// BLAKE3 hash of the file's text or, for a folder, of the names and texts of all its files;
-    /// null if a file cannot be read.
+    /// BLAKE3 hash of the file's contents or, for the kernels, of the names and texts of all kernel files, including
+    /// the built-in files that the user's folder does not replace; null if a file cannot be read.
     pub hash: Option<String>,
     /// The commit that is checked out in the file's repository, and whether the file has been changed since
     /// this commit; "in no commit" if the commit does not contain the file (see [`git_state`]). Null if no git
@@ -87,10 +88,11 @@ pub struct Host {
     pub name: Option<String>,
     /// The operating system's name and version.
     pub os: String,
-    /// The processor's model. If Linux knows no model, as on ARM: the architecture, and implementer, part and variant
-    /// of each kind of processor; or else the board's name; or else the architecture alone.
+    /// The processor's model. If Linux does not report a model, as on 64-bit ARM, the value is the architecture with
+    /// the implementer, part and variant of each kind of processor. If Linux does not report these numbers either, the
+    /// value is the board's name. If the board has no name, the value is the architecture alone.
     pub cpu: String,
-    /// Number of cores that this process may use; 1 if this number is unknown.
+    /// Number of processors (hardware threads) that this process may use; 1 if this number is unknown.
     pub cores: usize,
     /// The cores' clock frequencies.
     #[serde(default)]
@@ -130,8 +132,7 @@ pub struct DeviceEnvironment {
     /// Resolution of the timer with which the driver times kernels, ns.
     #[serde(default)]
     pub timer_resolution_ns: Option<u64>,
-    /// Number of the host's cores that the device may use; null if the device does not run on the
-    /// host's cores.
+    /// Number of the host's processors (hardware threads) that the device may use; null if the device is not a CPU.
     #[serde(default)]
     pub cores: Option<usize>,
     /// The 16 bytes of the device's UUID as hexadecimal digits, if the driver reports the UUID.
@@ -177,7 +178,7 @@ impl DeviceEnvironment {
 
 /// Returns true if the device name `shown` (from a record or a page) may mean the device `name`: `shown` must
 /// start with `name` or with the device's common name, and a text in brackets may follow. `raycl merge` adds
-/// a text in brackets to a device's name if several machines have devices of the same name.
+/// a text in brackets to the names of devices that have the same name but differ, for example in their drivers.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
     let is_end = |rest: &str| rest.is_empty() || rest.starts_with(" (") && rest.ends_with(')');
     [name, &common_name(name)].iter().any(|name| shown.strip_prefix(*name).is_some_and(is_end))
@@ -241,8 +242,9 @@ fn cpu_in(cpuinfo: &str) -> Option<String> {
     value_in(cpuinfo, "model name").map(str::to_owned).or_else(|| arm_processors_in(cpuinfo))
 }
 
-/// Returns the kinds of ARM processors in the text of /proc/cpuinfo, such as "aarch64 0x41/0xd0c/0x3": implementer,
-/// part and variant of each kind. Linux knows no model of ARM processors. Returns `None` if the text has no such kinds.
+/// Returns the kinds of ARM processors in the text of /proc/cpuinfo, such as "aarch64 0x41/0xd0c/0x3": the
+/// architecture, then the implementer, part and variant of each kind. (On 64-bit ARM, the text contains no model.)
+/// Returns `None` if the text has no implementer, part and variant of a processor.
 fn arm_processors_in(cpuinfo: &str) -> Option<String> {
     let kind = |processor: &str| {
         let numbers = ["CPU implementer", "CPU part", "CPU variant"].map(|name| value_in(processor, name));

@@ -2,7 +2,7 @@
 
 use super::summary::Group;
 
-/// The longest file name without extension, in bytes. File systems allow names of up to 255 bytes. The bytes
+/// The longest file name without extension, in bytes. Most file systems allow names of up to 255 bytes. The bytes
 /// beyond `LONGEST_NAME` are for the extension, and for words that raycl adds to the name, such as the kind
 /// of a plot.
 const LONGEST_NAME: usize = 200;

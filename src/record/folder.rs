@@ -1,5 +1,6 @@
 //! Reads folders of results. All code that displays results uses [`Folder`], which contains only records of
-//! the folder's current plan (the list of the points of the latest run in the folder).
+//! the folder's current plan (the list of the points of the latest run in the folder). If a folder has no plan,
+//! [`Folder`] contains the latest record of each point.
 
 mod notes;
 
@@ -31,13 +32,12 @@ pub struct Folder {
     pub path: PathBuf,
     /// The run's name in reports, which is the folder's name.
     pub label: String,
-    /// One record per point of the current plan that has a record, in the plan's order and with the plan's
-    /// names. Without a plan, `records` has the latest record of every point. If scenes with different contents
-    /// have the same name, each of them has a new name in `records`.
+    /// The records of the current plan's points, in the plan's order and with the plan's names. A point has one
+    /// record, or none if it is not measured yet. Without a plan, `records` has the latest record of every point.
+    /// If scenes with different contents have the same name, each of these scenes has a new name in `records`.
     pub records: Vec<Record>,
-    /// If the plan is divided into blocks, `controls` has the records of control points (points that every
-    /// block measures) that serve only to compare blocks. The field `records` does not contain the records in
-    /// `controls`.
+    /// Records that serve only to compare the blocks of a plan. They are records of control points (points that
+    /// every block measures). The field `records` does not contain the records in `controls`.
     pub controls: Vec<Record>,
     /// The contents of `environment.json`, unchanged, so that fields of a newer version of raycl are shown too; null if
     /// the file cannot be read.
@@ -174,16 +174,16 @@ fn read_journal(path: &Path) -> Result<(&Path, Lines<Record>)> {
 }
 
 /// Reads a folder's journal of records. Returns an input error (a mistake of the user) if the folder has no
-/// plan (`plan.json`) and no line of the journal can be read. A journal without a readable line was probably
-/// not written by raycl.
+/// plan (`plan.json`), and the journal has damaged lines but no line that can be read. Such a journal was
+/// probably not written by raycl.
 pub fn read_records(folder: &Path) -> Result<Lines<Record>> {
     let journal = folder.join(RECORDS);
     let lines = read_lines(&journal)?;
     if CurrentPlan::is_in(folder) { Ok(lines) } else { lines.refuse_if_all_damaged(&journal) }
 }
 
-/// Reads the journal of anchors, and replaces the names of the anchors' devices by the names in the plan (`plan.json`).
-/// `records` are all stored records.
+/// Reads the journal of anchors. If the folder has a plan (`plan.json`), replaces the names of the anchors' devices by
+/// the names in the plan. `records` are all stored records.
 fn anchors<'a>(
     folder: &Path,
     plan: Option<&CurrentPlan>,
@@ -503,7 +503,8 @@ mod tests {
             assert_eq!(notes.iter().filter(|note| note.starts_with(&expected)).count(), 1, "{notes:?}");
         }
         assert_eq!(Folder::read(folder.path()).unwrap().damage.len(), 4);
-        // A journal whose only line is damaged counts as empty, and does not make the folder unreadable.
+        // If the only line of one of these three journals is damaged, the journal counts as empty, and the folder
+        // can still be read.
         for name in [CONTROLS, ROUNDS, ANCHORS] {
             std::fs::write(path(name), "nonsense\n").unwrap();
         }

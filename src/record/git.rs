@@ -1,9 +1,10 @@
 //! Finds the git commit that is checked out in the repository of a file or a folder, and whether the file or folder has
 //! been changed since this commit.
 //!
-//! The repository may come from a stranger, whose `.git/config` names programs that git runs: when git reads the index
-//! (`core.fsmonitor`), converts a file (`filter.NAME.clean`) or fetches an object that is missing (`remote.NAME`). The
-//! commands of this module read no index, convert nothing and fetch nothing, so git runs none of these programs.
+//! The repository may come from a stranger. The file `.git/config` of a repository can name programs that git runs when
+//! it reads the index (`core.fsmonitor`), converts a file (`filter.NAME.clean`) or fetches an object that is missing
+//! (`remote.NAME`). The commands of this module read no index, convert nothing and fetch nothing, so git runs none of
+//! these programs.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -13,8 +14,9 @@ use std::process::{Command, Stdio};
 /// The state of a file or folder that the commit does not contain.
 const IN_NO_COMMIT: &str = "in no commit";
 
-/// The environment variables that make git use another repository than that of the folder in which git starts, or other
-/// files of the repository. Git sets some of these variables for hooks.
+/// Environment variables that make git use another repository than that of the folder in which git starts, or another
+/// index, other objects or another tree of files than those of this repository. Git sets some of these variables for
+/// hooks.
 const REDIRECTIONS: [&str; 6] = [
     "GIT_DIR",
     "GIT_WORK_TREE",
@@ -26,8 +28,8 @@ const REDIRECTIONS: [&str; 6] = [
 
 /// Returns the commit and the state of a file: "0123456789ab, unchanged", "0123456789ab, changed since" or "in no
 /// commit". Returns `None` if there is no such file, if no repository with a commit contains the file, or if git is not
-/// installed. A file that git converts when it checks the file out (its line ends, or a file in Git LFS) always counts
-/// as changed: to convert the file back, git may run a program.
+/// installed. A file that git converts at checkout always counts as changed, for example a file with converted line
+/// ends, or a file in Git LFS. (This function does not convert the file back, since git may run a program to do so.)
 pub fn git_state(file: &Path) -> Option<String> {
     let file = file.canonicalize().ok()?;
     let (folder, name) = (file.parent()?, file.file_name()?);

@@ -16,7 +16,7 @@ pub struct Control {
     pub hosts: Vec<AtHost>,
 }
 
-/// The time on one machine of a control point (a point that every block of a group measures).
+/// The time of a control point (a point that every block of a group measures) on one machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AtHost {
     /// The machine's name.
@@ -239,7 +239,7 @@ mod tests {
             let record = Record { name: name.into(), key: name.into(), ..on(host, ms, launch) };
             Record { control: Some(name.into()), ..record }
         };
-        // The function returns control points in the order of their names.
+        // `hosts_that_differ` looks at control points in the order of their descriptions ([`Control::point`]).
         let ratios = |a: f64, b: f64| {
             let records = [
                 with("a", "n1", 10.0, 0),

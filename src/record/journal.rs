@@ -30,12 +30,13 @@ pub struct JsonLines<T> {
 }
 
 impl<T: Serialize + DeserializeOwned> JsonLines<T> {
-    /// Opens the file for appending, and creates it if it is missing. Removes the beginning of a line from the file's
-    /// end. If any other last line lacks its line break, adds the line break. Returns an input error (a mistake of the
-    /// user) if the path is a link, a pipe or a device. The file is opened in append mode: if two runs write to the
-    /// file, they do not overwrite each other's lines. Usually, a lock keeps a second run out of the folder. The lock
-    /// can fail: some file systems have no locks, and a user may have removed the lock's file. On NFS, runs on two
-    /// machines can still overwrite each other's lines, since each machine stores its own position of the file's end.
+    /// Opens the file for appending, and creates it if it is missing. If the last line is only the beginning of a line,
+    /// removes this line. If any other last line lacks its line break, adds the line break. Returns an input error (a
+    /// mistake of the user) if the path is a link, a pipe or a device. The file is opened in append mode: if two runs
+    /// write to the file, they do not overwrite each other's lines. Usually, a lock keeps a second run out of the
+    /// folder. The lock can fail: some file systems have no locks, and a user may have removed the lock's file. On NFS,
+    /// runs on two machines can still overwrite each other's lines, since each machine stores its own position of the
+    /// file's end.
     pub fn append_to(path: &Path) -> Result<Self> {
         refuse_link(path)?;
         let fail = |error| Error::unwritable(path, &error);
@@ -82,9 +83,9 @@ impl<T: Serialize + DeserializeOwned> JsonLines<T> {
     }
 }
 
-/// Makes a journal with the contents `text` end with a complete line. Removes the beginning of a line, as a killed run
-/// leaves it. Any other last line gets the line break that it lacks: the line may be a whole record, or the file may
-/// not be raycl's.
+/// Makes a journal with the contents `text` end with a complete line. If the last line is only the beginning of a line,
+/// as after a run that was killed, removes this line. If any other last line lacks its line break, adds the line break.
+/// (Such a line is not removed, since it may be a whole record, or the file may not be raycl's.)
 fn end_last_line<T: DeserializeOwned>(file: &mut File, text: &[u8]) -> IoResult<()> {
     let end = whole_lines(text);
     match &text[end..] {
@@ -132,12 +133,12 @@ fn read_from(mut file: &File, start: u64) -> IoResult<Vec<u8>> {
 /// The contents of a file of JSON lines.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lines<T> {
-    /// All complete, readable lines. The last line counts even if it lacks its line break.
+    /// All lines that can be read. The last line counts even if it lacks its line break.
     pub lines: Vec<T>,
     /// True if the file ends with the beginning of a line. `lines` does not contain this incomplete line.
     pub torn: bool,
-    /// The numbers, from 1, of the damaged lines: other lines that cannot be read, and that `lines` does not
-    /// contain.
+    /// The numbers of the damaged lines, counted from 1. A line is damaged if it cannot be read, and is neither
+    /// blank nor an incomplete last line (see `torn`). `lines` does not contain damaged lines.
     pub damaged: Vec<usize>,
     /// Why the last damaged line cannot be read; empty if no line is damaged.
     reason: String,
@@ -316,7 +317,8 @@ mod tests {
         }
     }
 
-    /// A loss of power may leave zeros at the end of a file. They are not removed silently.
+    /// A loss of power may leave zeros at the end of a file. A last line with zeros counts as damaged, so that raycl
+    /// reports it.
     #[test]
     fn a_last_line_with_zeros_is_damaged() {
         let folder = tempfile::tempdir().unwrap();
@@ -427,7 +429,7 @@ mod tests {
         assert_eq!((read.lines, read.damaged), (["a", "c"].map(record).to_vec(), Vec::new()));
     }
 
-    /// The disk becomes full after the first of two lines.
+    /// The disk becomes full while the second of two lines is written.
     #[test]
     fn after_a_failed_write_none_of_its_lines_stays() {
         let folder = tempfile::tempdir().unwrap();

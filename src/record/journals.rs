@@ -5,14 +5,14 @@
 pub const RECORDS: &str = "records.jsonl";
 /// The journal of samples (single measured times of points), in the order in which they were measured.
 pub const SAMPLES: &str = "samples.jsonl";
-/// The journal of launches that ended with enough samples of all points.
+/// The journal of complete launches: those that a stopping rule ended.
 pub const LAUNCHES: &str = "launches.jsonl";
 /// The journal of the machine's load during the rounds.
 pub const ROUNDS: &str = "rounds.jsonl";
 /// The journal of the times of anchors (kernels that never change).
 pub const ANCHORS: &str = "anchors.jsonl";
-/// The journal of records of control points (points that every block measures) that serve only to compare the
-/// blocks of a plan.
+/// The journal of the records that serve only to compare the blocks of a plan. They are records of control points
+/// (points that every block measures).
 pub const CONTROLS: &str = "controls.jsonl";
 /// The file with the plan of an experiment that is divided into shards.
 pub const SHARDS: &str = "shards.json";
@@ -20,7 +20,7 @@ pub const SHARDS: &str = "shards.json";
 pub const ENVIRONMENT: &str = "environment.json";
 /// The summary of the records in Markdown.
 pub const SUMMARY: &str = "summary.md";
-/// The folder in which the pictures that the points cast are saved.
+/// The folder of the saved pictures, such as those that the points cast.
 pub const IMAGES: &str = "images";
 
 /// The beginning of the name of a file that describes the machine and inputs of an earlier session.

@@ -1,6 +1,6 @@
 //! Exports records as cache files of the auto-tuner Kernel Tuner (B. van Werkhoven, 2019). From these files,
-//! Kernel Tuner can simulate tuning and draw plots. raycl writes one file per device, scene and image size,
-//! with times in milliseconds.
+//! Kernel Tuner can simulate tuning without running a kernel. raycl writes one file per device, scene and image
+//! size, with times in milliseconds.
 
 use serde_json::{Map, Value, json};
 

@@ -4,8 +4,9 @@ use crate::measure::StopReason;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The end of a launch in which all points got enough samples. A launch that was interrupted, or that lost a
-/// worker process, has no line in `launches.jsonl`, and a later session repeats such a launch.
+/// The end of a complete launch: a stopping rule ended the sampling of all points that did not fail. A launch that
+/// was interrupted, or that lost a worker process, has no line in `launches.jsonl`. If a worker process was lost,
+/// the same session repeats the launch; a later session repeats an interrupted launch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LaunchEnd {
     /// The launch's number, which is unique in the folder of results.

@@ -31,8 +31,7 @@ const HEADER: [&str; COLUMNS] = [
     "of peak",
     "outcome",
 ];
-/// The indices of the left-aligned columns, which contain words. All columns that are not listed here contain
-/// numbers.
+/// The indices of the left-aligned columns, which contain words. All other columns are for numbers.
 const LEFT: [usize; 2] = [0, 10];
 /// The indices of the columns of numbers whose decimal points are aligned.
 const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];
@@ -53,7 +52,7 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         // Writing to a String cannot fail, so the `Result`s of `write!` are ignored.
         let _ = write!(text, "\n## {}, {size}, {}\n\n", markdown(group.scene), markdown(device));
         if device != group.device {
-            let _ = write!(text, "The driver's name of the device is {}.\n\n", markdown(group.device));
+            let _ = write!(text, "The driver calls this device {}.\n\n", markdown(group.device));
         }
         if group.device != HOST {
             text.push_str(&verdict(group, &groups));
@@ -70,7 +69,7 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         text.extend(notes.iter().map(|(scene, note)| format!("- {}: {}\n", markdown(scene), line(note))));
     }
     text.push_str(
-        "\nTimes of kernels are device times of whole frames; times of baselines, which run on the host, are from the host's clock. On a CPU, samples are left out if threads had to wait for a processor, or if the host of a virtual machine had moved the machine's processors. IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches and the usual difference between runs. The ratio of the times of two points that were measured together is computed from samples that were taken close together in time. The ratio of two other points is computed from their ratios to a control point that was measured with both or, if there is none, from the medians of the two points. A ratio has a 95% interval of its own. \"Two modes\" means that the samples lie around two values; the median may be close to either value. A point ties with the fastest if the samples do not show that the point takes more than 1% longer. Points with fewer than five samples in a launch, or with times of 0, have neither an interval nor a rank. \
+        "\nTimes of kernels are device times of whole frames; times of baselines, which run on the host, are from the host's clock. On a CPU, samples are left out if threads probably had to wait for a processor, or if the host of a virtual machine had probably moved the machine's processors to other cores. IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches and the usual difference between runs. The ratio of the times of two points that were measured together is computed from samples that were taken close together in time. The ratio of two other points is computed from their ratios to a control point that was measured with both or, if there is none, from the medians of the two points. A ratio has a 95% interval of its own. \"Two modes\" means that the samples lie around two values; the median may be close to either value. A point ties with the fastest if the samples do not show that the point takes more than 1% longer. Points with fewer than five samples in a launch, or with times of 0, have neither an interval nor a rank. \
          If the driver caches compiled programs, all launches run the same compiled program, so the intervals do not include differences between builds. \"Frame rays per second\" is the number of all rays of a frame, primary and shadow, divided by the frame's time. \"Primary rays per second\" is the number of rays of a separate primary pass, divided by that pass's time. \"Tests per second\" is the number of primary rays times the number of triangles, divided by the time of the primary pass, or by that of the frame if passes are fused. \"Of peak\" is the achieved fraction of the device's measured peak rate of \
          multiply-adds.\n",
     );
@@ -492,10 +491,10 @@ mod tests {
         let name = "cpu-znver4-AMD EPYC 9B45 96-Core Processor";
         let text = summary_markdown(&judged([measured(name, "naive", 8, 10.0)]), &[], "?", "!");
         let expected = format!(
-            "\n## teapot, 800 x 500, AMD EPYC 9B45, PoCL\n\nThe driver's name of the device is {name}.\n\n"
+            "\n## teapot, 800 x 500, AMD EPYC 9B45, PoCL\n\nThe driver calls this device {name}.\n\n"
         );
         assert!(text.contains(&expected), "{text}");
         let other = summary_markdown(&judged([measured("gpu", "naive", 8, 10.0)]), &[], "?", "!");
-        assert!(!other.contains("The driver's name"), "{other}");
+        assert!(!other.contains("The driver calls"), "{other}");
     }
 }

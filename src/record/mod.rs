@@ -1,5 +1,5 @@
-//! Results of measurements: one record per point, stored as a line of JSON, and summaries that are computed
-//! from records alone.
+//! Results of measurements: stores each measurement of a point as a record (a line of JSON), and computes summaries
+//! from the files of a folder of results.
 
 mod anchors;
 mod axes;

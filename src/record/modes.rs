@@ -10,7 +10,8 @@ use crate::words::counted;
 /// the other mode.
 const STRAYS: f64 = 0.1;
 
-/// The timer's step with NVIDIA's driver, in milliseconds. Records do not contain the step of their device's timer.
+/// The timer's step with NVIDIA's driver, in milliseconds. raycl assumes this step for every device, since records do
+/// not contain the step of their device's timer.
 const TIMER_STEP_MS: f64 = 0.001;
 
 /// Returns a record's warning and, if the record's samples lie around two values, a note on these values;

@@ -23,8 +23,8 @@ pub struct Noise {
     pub launches: usize,
     /// Number of samples of all points together.
     pub samples: usize,
-    /// The smallest difference between two points that a single launch can show (the median over all
-    /// launches), computed in the same way as `between_launches`.
+    /// The smallest difference between two points that a single launch can show, computed in the same way as
+    /// `between_launches`. This is the median over the launches in which at least two points have enough samples.
     pub within_launch: Option<f64>,
     /// The smallest difference between two points that all launches together can show (the largest value of
     /// all groups of points).
@@ -32,8 +32,9 @@ pub struct Noise {
     /// The distance from a point's median time to the upper end of its 95% interval, as a fraction of the
     /// median time (the median of this distance over all points).
     pub own_time: Option<f64>,
-    /// A text that says how many points have no time or too few samples, and the reason for the first of these
-    /// points, or that no two points were measured together; otherwise `None`.
+    /// A text that says how many points have no time, too few samples or times of 0, with the reason for the first
+    /// of these points. If there are no such points, but no two points were measured together, a text that says so.
+    /// Otherwise `None`.
     pub not_compared: Option<String>,
     /// Readings that may explain the noise, such as the load by other processes.
     pub causes: Causes,

@@ -19,8 +19,8 @@ pub(super) const NO_ENVIRONMENT: &str =
     "environment.json is missing or cannot be read, so the machine and the drivers of the run are unknown.";
 
 /// Returns notes on the certainty of the times and images: how small a difference between two points can be
-/// shown, whether points of a group were measured apart, which machines differ in speed, and what disturbed the
-/// measurement.
+/// shown, whether points of a group were measured apart, which machines differ in speed, what disturbed the
+/// measurement, and how many images were hardly verified.
 pub(super) fn certainty(records: &[Record], controls: &[Record], rounds: &[RoundLoad]) -> Vec<String> {
     let mut notes = how_sure(records);
     notes.extend(apart_note(records));
@@ -60,8 +60,8 @@ fn texts(list: &Value) -> Vec<String> {
     elements.filter_map(|element| element.as_str().map(str::to_owned)).collect()
 }
 
-/// Returns a note on the records that come from a raycl program built from uncommitted sources. Nobody can
-/// build a program again from uncommitted sources. For a record without a revision, the revision in
+/// Returns a note on the records that come from a raycl program built from uncommitted sources. No commit
+/// contains these sources, so the program cannot be built again. For a record without a revision, the revision in
 /// `environment` (the contents of `environment.json`) decides. Returns `None` if no record is known to come
 /// from a program built from uncommitted sources.
 pub(super) fn dirty(records: &[Record], environment: Option<&Value>) -> Option<String> {
