@@ -52,7 +52,7 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         // Writing to a String cannot fail, so the `Result`s of `write!` are ignored.
         let _ = write!(text, "\n## {}, {size}, {}\n\n", markdown(group.scene), markdown(device));
         if device != group.device {
-            let _ = write!(text, "The driver calls this device {}.\n\n", markdown(group.device));
+            let _ = write!(text, "The device's name in the records is {}.\n\n", markdown(group.device));
         }
         if group.device != HOST {
             text.push_str(&verdict(group, &groups));
@@ -491,10 +491,10 @@ mod tests {
         let name = "cpu-znver4-AMD EPYC 9B45 96-Core Processor";
         let text = summary_markdown(&judged([measured(name, "naive", 8, 10.0)]), &[], "?", "!");
         let expected = format!(
-            "\n## teapot, 800 x 500, AMD EPYC 9B45, PoCL\n\nThe driver calls this device {name}.\n\n"
+            "\n## teapot, 800 x 500, AMD EPYC 9B45, PoCL\n\nThe device's name in the records is {name}.\n\n"
         );
         assert!(text.contains(&expected), "{text}");
         let other = summary_markdown(&judged([measured("gpu", "naive", 8, 10.0)]), &[], "?", "!");
-        assert!(!other.contains("The driver calls"), "{other}");
+        assert!(!other.contains("in the records is"), "{other}");
     }
 }
