@@ -80,7 +80,7 @@ mod tests {
         assert_eq!(
             factor(&record(1.0, [2.0, 1.6])),
             1.25,
-            "other programs delayed the anchor by a factor of 1.25, and the point is assumed to be delayed no more"
+            "the anchor was delayed by a factor of 1.25, and the point is assumed to be delayed no more"
         );
         assert_eq!(factor(&record(1.0, [2.0, 2.0])), 1.0, "on a quiet machine, the kernel changed");
     }
