@@ -9,21 +9,21 @@ use serde::{Deserialize, Serialize};
 pub enum Outcome {
     /// The image was correct, and the point was timed.
     Measured,
-    /// The point cannot be measured: the device or the host has too little memory, the device or the kernel does not
-    /// support the local size, or the strategy does not support the scene. The record's `reason` says which
-    /// of these conditions makes the point infeasible. If memory is too small, `reason` also says how the
-    /// needed size was computed.
+    /// The point cannot be measured: the device or the host has too little memory; the device, the kernel or the
+    /// strategy does not support the local size; or the strategy does not support the scene or the image size. The
+    /// record's `reason` says which of these conditions makes the point infeasible. If memory is too small,
+    /// `reason` also says how the needed size was computed.
     Infeasible,
     /// The point's preset is meant for devices of another kind, so the point was not compiled or
     /// timed.
     OtherKind,
     /// The device's compiler rejected the program.
     BuildFailed,
-    /// The device refused or failed to run the kernel; or the free memory became too small for the point
-    /// after the point had been cast once.
+    /// The device refused or failed to run the kernel, the driver broke down or reported impossible times, or
+    /// the free memory became too small for the point after the point had been cast once.
     LaunchFailed,
     /// The image is not correct. For example, pixels that are certain (that do not depend on rounding) differ
-    /// from the reference, too many uncertain pixels are outside the range of values that the reference yields
+    /// from the reference, too many other pixels are outside the range of values that the reference yields
     /// for them, or the number of pixels with a hit is wrong. Points with wrong images are not timed.
     WrongImage,
     /// A step of the measurement, such as compiling the program or casting a frame, took longer than the time
@@ -50,8 +50,8 @@ impl Outcome {
         }
     }
 
-    /// Returns true if this outcome is not a failure: the point was measured, or raycl knew beforehand that
-    /// the point cannot or need not be measured.
+    /// Returns true if this outcome is not a failure: the point was measured, or raycl knew before the point's
+    /// first frame that the point cannot or need not be measured.
     pub fn is_fine(self) -> bool {
         matches!(self, Self::Measured | Self::Infeasible | Self::OtherKind)
     }
