@@ -21,8 +21,8 @@ const LARGEST_FACTOR: f64 = 100.0;
 /// these properties.
 const PROPERTIES: [&str; 3] = ["scene", "image size", "device"];
 
-/// Returns notes on the certainty of results: which points were measured in a single launch only, and which differences
-/// are too small to be detected.
+/// Returns notes on the certainty of results: how many points were measured in a single launch only, and which
+/// differences are too small to be detected.
 pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     let of_one_launch = || records.iter().filter(|record| has_one_launch(record));
     let mut notes = Vec::new();
@@ -51,8 +51,8 @@ pub(crate) fn apart_note(records: &[Record]) -> Option<String> {
     Some(format!(
         "In {}, such as {scene} {} on {device}, not all points were measured together, for example because of \
          `--resume` or because they come from several folders. If two points were not measured together, their ratio \
-         follows from their medians: the ratio includes every change of the machine between the two measurements, and \
-         only larger differences are detected.",
+         follows from their medians: the ratio includes every change of the machine between the two measurements, so \
+         a difference must be larger to be detected.",
         counted_of(apart.len(), kernels.len(), "group of points"),
         by(*image_size)
     ))
@@ -84,8 +84,8 @@ pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a
         (None, None) => None,
         (Some(amount), None) | (None, Some(amount)) => Some(below(&amount)),
         (Some(percents), Some(factors)) => Some(format!(
-            "{} In {} of {} groups of points, the times are noisier: differences below {factors} are mostly \
-             not detected in these groups.",
+            "{} In {} of {} sets of points that were measured together, the times are noisier: differences below \
+             {factors} are mostly not detected in these sets.",
             below(&percents),
             count(&noisy),
             count(&[&noisy[..], &fine].concat())
@@ -234,8 +234,8 @@ mod tests {
         let [quiet, noisy] = [group("room", 0, 1.0), group("table", 2, 20.0)];
         let both = said(&[quiet.clone(), noisy.clone()]);
         let below = "Differences below 2.1% between two points are mostly not detected in these results.";
-        let noisier = "In 1 of 2 groups of points, the times are noisier: differences below a factor of 100 \
-                       are mostly not detected in these groups.";
+        let noisier = "In 1 of 2 sets of points that were measured together, the times are noisier: differences \
+                       below a factor of 100 are mostly not detected in these sets.";
         assert_eq!(both, format!("{below} {noisier}"));
         let all = said(&[noisy]);
         assert_eq!(
