@@ -1,4 +1,4 @@
-//! Removes damaged lines from a folder's journals, and keeps a copy of each original file.
+//! Removes damaged lines from a folder's journals, and keeps a copy of each journal that had damaged lines.
 
 use super::journal::unreadable;
 use super::journals::{ANCHORS, CONTROLS, LAUNCHES, RECORDS, ROUNDS, SAMPLES};
@@ -58,7 +58,7 @@ struct Damaged {
 }
 
 impl Damaged {
-    /// Keeps a copy of the journal, and removes the damaged lines from it.
+    /// Copies the journal, and then removes the damaged lines from the journal.
     fn repair(self) -> Result<Repaired> {
         let Self { path, bytes, whole, damaged, kept } = self;
         let copy = keep_copy(&path, &bytes)?;
@@ -83,7 +83,7 @@ fn damaged(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Damaged>> 
     };
     own_file(path).and_then(|()| ordinary(path)).map_err(refused)?;
     let bytes = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
-    // A whole last line counts even if it lacks its line break, which the next run adds.
+    // A whole last line without a line break is not damaged: the next run in the folder adds the line break.
     let is_kept = |line: &&[u8]| line.trim_ascii().is_empty() || is_whole(line);
     let (kept, damaged): (Vec<&[u8]>, Vec<&[u8]>) =
         bytes.split_inclusive(|&byte| byte == b'\n').partition(is_kept);
@@ -99,7 +99,8 @@ fn damaged(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Damaged>> 
 fn keep_copy(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     let named = |number: usize| path.with_extension(format!("jsonl.damaged-{number}"));
     let mut number = 1;
-    // Most taken names are found before the copy is written, since writing a large journal to the disk takes long.
+    // Before the copy is written, the loop checks whether a file has this name already: writing a large journal to
+    // the disk takes long, and `write_new` would notice only after writing that the name is taken.
     while existing::exists(&named(number))? || !write_new(&named(number), bytes)? {
         number += 1;
     }
@@ -198,7 +199,7 @@ mod tests {
         }
     }
 
-    /// The journal's name is so long that no copy can have a longer name.
+    /// The journal's name is so long that the copy's longer name exceeds the limit of the file system.
     #[test]
     fn a_copy_that_cannot_be_written_is_no_mistake_of_the_user_and_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();

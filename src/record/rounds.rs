@@ -35,19 +35,20 @@ pub struct RoundLoad {
 }
 
 /// The least number of readings of the core-to-core latency from which raycl computes percentiles. With fewer readings,
-/// a single reading would determine a percentile.
+/// the lowest and the highest reading would be the percentiles.
 pub(crate) const LEAST_READINGS: usize = 10;
 /// The least number of readings of the core-to-core latency from which raycl computes the median.
 const LEAST_OF_MEDIAN: usize = 3;
-/// The factor by which the core-to-core latency must differ between rounds before raycl assumes that the
-/// virtual machine's processors were moved to other cores.
+/// If the core-to-core latency differs by more than this factor between rounds or between two runs, raycl assumes
+/// that a virtual machine's processors were moved to other cores.
 pub(crate) const MOVED: f64 = 1.5;
 
 /// Other processes and virtual machines that together used more than this fraction of the machine may have
 /// disturbed the measurements. The note that [`disturbance`] returns states `DISTURBED` as a percentage.
 const DISTURBED: f64 = 0.05;
 
-/// A run states the number of launches of a point. The launches of all groups of points together are more.
+/// Says that a number of launches is a sum over all groups of points. Elsewhere, a run states the number of launches
+/// of a single point, which is smaller if there are several groups.
 const PER_GROUP: &str = " (counted for each group of points)";
 
 impl RoundLoad {
@@ -165,10 +166,10 @@ fn moved_launches(records: &[Record]) -> u32 {
 }
 
 /// Returns a note on the launches and samples that were left out because the core-to-core latency was far
-/// from its usual value. If no launch and no sample was left out, but the core-to-core latency changed while
-/// `records` were measured, returns a note on the change of the latency. Returns `None` if nothing was left
-/// out and the latency did not change. The note does not say that this machine is virtual, since raycl does
-/// not know.
+/// from its usual value. If no launch and no sample was left out, but the core-to-core latency changed by more
+/// than the factor [`MOVED`] while `records` were measured, returns a note on the change of the latency. In all
+/// other cases, returns `None`. Both notes say "if this machine is virtual", since raycl does not know whether
+/// it is.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let samples = records.iter().filter_map(|record| record.moved_samples).sum::<u32>() as usize;
     let launches = moved_launches(records) as usize;

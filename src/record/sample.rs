@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Sample {
     /// The key of the point whose time was measured.
     pub key: String,
-    /// The launch's number in the folder; 0 in files of earlier versions of raycl, which store no launch.
+    /// The launch's number in the folder; 0 if an early version of raycl, which stored no launch, wrote the line.
     #[serde(default)]
     pub launch: u32,
     /// The round of the launch in which the sample was taken, counted from 0.
@@ -19,12 +19,13 @@ pub struct Sample {
     pub at_ms: Option<f64>,
     /// The frame's device time; for a baseline, the time on the host's clock.
     pub ms: f64,
-    /// Device time of the frame's primary pass, if passes are timed separately.
+    /// Device time of the frame's primary pass, if passes are separate.
     pub primary_ms: Option<f64>,
     /// Time of the frame's shadow pass, if passes are separate. The shadow pass includes shading if
     /// `shade_ms` is null.
     pub shadow_ms: Option<f64>,
-    /// Time of the frame's shading pass, if shading is separate from shadow rays.
+    /// Time of the frame's shading pass, if the strategy has a shading pass. With fused passes, the shading pass
+    /// may also cast leftover shadow rays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shade_ms: Option<f64>,
     /// The time of the frame by the host's clock.
@@ -33,10 +34,11 @@ pub struct Sample {
     /// other than a CPU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_ms: Option<f64>,
-    /// The core-to-core latency in nanoseconds. Of a reading before and a reading after the frame, this is the
-    /// reading outside the range in which samples count (the earlier one if both are outside it), or else the
-    /// larger reading. If the frame ended shortly after the last reading, raycl takes no new reading, and the
-    /// value is the last reading. Absent if the latency was not measured.
+    /// The core-to-core latency in nanoseconds. raycl reads the latency before and after the frame. If one reading
+    /// is outside the range in which samples count, the value is this reading. If both readings are outside the
+    /// range, the value is the earlier reading; if neither is, the value is the larger reading. If the frame ended
+    /// less than 20 ms after the reading before it, raycl takes no new reading, and the value is the reading before
+    /// the frame. Absent if the latency was not measured, and in copied lines (see `origin`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub core_to_core_ns: Option<f64>,
     /// Number of frames in the batch, if these times are means over a batch; null for a single

@@ -1,7 +1,7 @@
 //! Gives different names to scenes with different contents. If several scenes have the same name, each of
-//! these scenes gets a new name: the end of the scene's path, with as few folders as are needed to make the
-//! names differ, also from those of all other scenes. If even the scenes' whole paths do not make all names
-//! differ, the scenes get the names in [`Names::others`].
+//! these scenes gets a new name with the end of the scene's path. The end has as few folders as are needed to
+//! make the new names differ from each other, and from the names of all other scenes. If even the scenes' whole
+//! paths do not make all names differ, each of the scenes gets one of the names in [`Names::others`].
 
 use super::types::Record;
 use crate::entry::entry;
@@ -13,9 +13,9 @@ struct Names {
     /// Names from the scene's path: the file's name alone, the file's name after one folder, the file's name
     /// after two folders, and so on.
     paths: Vec<String>,
-    /// Names for scenes whose paths differ in the file's extension at most. The first name in `others`
-    /// contains the file's extension, the second the values that the config changed in the scene, and the
-    /// third the hash of the scene.
+    /// Names that are used if the names in `paths` do not differ between scenes, or if other scenes have these
+    /// names. The first name in `others` contains the whole path with the file's extension, the second the values
+    /// that the config changed in the scene, and the third the beginning of the scene's hash.
     others: [String; 3],
 }
 
@@ -68,8 +68,8 @@ struct Content<'r> {
 impl Content<'_> {
     /// Returns true if `self` and `other` probably belong to one scene, whose camera raycl places differently
     /// for images of different shapes. `self` and `other` must have the same scene file with the same changed
-    /// values, but no image size in common. Records of earlier versions of raycl, in which the camera did not
-    /// depend on the image's shape, may lack the scene file.
+    /// values, but no image size in common. Returns false if the record of `self` states no scene file: early
+    /// versions of raycl wrote such records, and placed the camera without regard to the image's shape.
     fn is_other_shape_of(&self, other: &Self) -> bool {
         let is_known = self.record.scene_file.is_some();
         is_known && self.made_of() == other.made_of() && self.image_sizes.is_disjoint(&other.image_sizes)
@@ -81,9 +81,9 @@ impl Content<'_> {
     }
 }
 
-/// Groups contents that have the same scene name: each group belongs to one scene. Contents belong to one
-/// scene if they differ only in the camera, which raycl placed for images of another shape. Each inner list
-/// of the result has the contents of one scene.
+/// Sorts contents with the same scene name by the scenes to which they belong. Several contents belong to one
+/// scene if they probably differ only in the camera, which raycl placed for images of different shapes (see
+/// [`Content::is_other_shape_of`]). Each inner list of the result has the contents of one scene.
 fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
     let mut scenes: Vec<Vec<Content<'_>>> = Vec::new();
     for content in contents {
@@ -111,7 +111,7 @@ impl Names {
         let path = Path::new(record.scene_file.as_deref().unwrap_or_default());
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         // A suffix such as "+triangles=80" states a value that the config changed in the scene. If the
-        // scene's old name ends with such a suffix, the new name ends with the same suffix.
+        // scene's old name is the file's name with such a suffix, new names with a path end with the same suffix.
         let suffix =
             record.scene.strip_prefix(&*stem).filter(|rest| rest.is_empty() || rest.starts_with('+'));
         let by = |what: &str| format!("{} ({what})", record.scene);
@@ -174,8 +174,8 @@ mod tests {
         assert_eq!(renamed(&endings), ["a/scene.obj", "a/scene.toml"]);
     }
 
-    /// If two scenes got the same name, their points would be in one table, and only one of two points with the
-    /// same strategy would be in it.
+    /// If two scenes got the same name, their points would be in one table. Of two points with the same strategy and
+    /// local size, the table that `raycl run` prints would then show only one.
     #[test]
     fn a_new_name_is_that_of_no_other_scene() {
         let stated = [
