@@ -144,7 +144,7 @@ impl Change<'_> {
     }
 
     /// Returns the largest effect that this change of an axis has in any group of points. The effect is the
-    /// absolute value of the ratio's logarithm, and 0 for a tie.
+    /// absolute value of the ratio's logarithm; for a tie or an unknown ratio, the effect is 0.
     fn largest_effect(&self) -> f64 {
         let effect = |result: &Compared| match result {
             Compared::Times { effect: Effect::Tie, .. } | Compared::Nothing { .. } => 0.0,
@@ -154,8 +154,8 @@ impl Change<'_> {
     }
 }
 
-/// Formats the local sizes of two points: "8 x 8" if both points (or the only point with a local size) have this size,
-/// and "8 x 8 → 4 x 4" if the sizes differ. Returns an empty text if the points have no local size.
+/// Formats the local sizes of two points: "8 x 8 → 4 x 4" if the sizes differ, and "8 x 8" if the sizes are equal or
+/// only one point has a local size. Returns an empty text if neither point has a local size.
 pub(crate) fn both_sizes([first, second]: [Option<[u32; 2]>; 2]) -> String {
     match (first, second) {
         (Some(first), Some(second)) if first != second => format!("{} → {}", by(first), by(second)),
@@ -169,9 +169,10 @@ pub(crate) fn with_interval(ratio: Interval) -> String {
     format!("{middle} ({low} to {high})")
 }
 
-/// Returns, for each device, the changes from one strategy to another that differs in a single axis. In at least one
-/// group of the device, both strategies must have times. `groups` are the groups of `records`. The order of `records`
-/// decides which of the two strategies of a change comes first.
+/// Returns, for each device, the changes from one strategy to another that differs in a single axis. A change is
+/// returned only if both strategies have times in at least one group of the device. Devices without changes, and the
+/// host, are left out. `groups` are the groups of `records`. The order of `records` decides which of the two strategies
+/// of a change comes first.
 pub(crate) fn changes<'a>(records: &'a [Record], groups: &[Group<'a>]) -> Vec<Changes<'a>> {
     let pairs = pairs(records);
     if pairs.is_empty() {

@@ -1,4 +1,4 @@
-//! Converts a record's strategy to tuning parameters, for files that other auto-tuners read.
+//! Converts a record's local size and strategy to tuning parameters, for files that auto-tuners read.
 
 use serde_json::{Map, Value};
 

@@ -20,9 +20,9 @@ pub struct CurrentPlan {
     pub points: Vec<PlannedPoint>,
 }
 
-/// A point's key, and the point's names and notes, which are not part of the key. A record of an earlier run
-/// with the same key may contain other names and notes; raycl shows such a record with the names and notes of
-/// the planned point.
+/// A point's key, and the point's names and notes, which are not part of the key. A record of an earlier run may
+/// have the same key but other names and notes; raycl then shows the record with the names and notes of the
+/// planned point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlannedPoint {
     /// The key that the point's record has.

@@ -47,7 +47,7 @@ fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
 }
 
 /// Returns true if a measured record has enough samples, but cannot be ranked, because some of its times
-/// are 0. A measured time is 0 if a frame takes less than a step of the device's timer.
+/// are 0. A measured time can be 0 if a frame takes less than a step of the device's timer.
 pub(crate) fn is_below_resolution(record: &Record) -> bool {
     let has_zero = record.samples_ms.iter().any(|ms| *ms <= 0.0);
     median(record).is_some()

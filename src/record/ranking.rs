@@ -20,8 +20,8 @@ pub(super) const TIE: f64 = 0.01;
 /// whose levels can be compared form a family ([`RelativeTimes::family`]). docs/methodology.md calls a family
 /// of records a set of comparable points; a kernel family is something else. The ratio of the times of two
 /// records of different families (sets of comparable records) is the ratio of the records' medians (see
-/// [`ratio`]). Therefore, a constant is added to the levels of each family of records. The mean of the
-/// family's levels then equals the mean of the logarithms of the family's medians.
+/// [`ratio`]). Therefore, if there are several families of records, a constant is added to all levels of each
+/// family. The mean of the family's levels then equals the mean of the logarithms of the family's medians.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
     let measured: Vec<&Record> = records.into_iter().filter(|record| median(record).is_some()).collect();
     let mut families: HashMap<String, Vec<f64>> = HashMap::new();
@@ -43,8 +43,8 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
     Ranking::by(levels, ties)
 }
 
-/// Returns true if a point without a rank (with too few samples, or with a time of 0) may be as fast as the fastest
-/// point, because its median is not above the upper end of the fastest point's 95% interval.
+/// Returns true if a point without a rank (with too few samples, or with a time of 0) may be faster than the fastest
+/// ranked point: the median of the point without a rank is not above the upper end of the ranked point's 95% interval.
 pub(crate) fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
     let best = ranking.winners.first().and_then(|best| interval(best));
     best.is_some_and(|[_, high]| {
@@ -74,14 +74,15 @@ fn beyond_a_tie(part: f64) -> f64 {
 }
 
 /// Returns the smallest difference between two records of `device` that a single launch can show, as a
-/// fraction. This smallest difference is computed for each launch by the rule of [`resolution`], so also from
-/// the records of other devices that were measured in the launch. The function returns the median over the
-/// launches in which at least two records of `device` have enough samples. Records with equal launch numbers
-/// must have been measured together. Records without a time, or with a sample of 0, are left out. Returns
-/// `None` if there is no such launch.
+/// fraction. For each launch, this difference is computed like that of [`resolution`], from all records that
+/// were measured in the launch, including records of other devices. The function returns the median of the
+/// differences of those launches in which at least two records of `device` have enough samples; `None` without
+/// such launches. Records without a time, or with a sample of 0, are left out. Records with equal launch
+/// numbers must have been measured together.
 pub(crate) fn resolution_within(records: &[Record], device: &str) -> Option<f64> {
     let timed = records.iter().filter(|record| has_time(record));
-    // The first record decides by how much times of two runs differ, so records of `device` come first.
+    // `Paired::resolution` takes the differences between runs from the first record, so records of `device` come
+    // first.
     let (own, others): (Vec<&Record>, Vec<&Record>) = timed.partition(|record| record.device == device);
     let all = [&own[..], &others].concat();
     let are_kernels: Vec<bool> = all.iter().map(|record| !record.is_baseline()).collect();

@@ -30,7 +30,7 @@ pub(crate) fn rounds_of(record: &Record) -> Option<blake3::Hash> {
     Some(record.relative_times.as_ref()?.together)
 }
 
-/// Returns true if two records were measured in the same rounds.
+/// Returns true if two records were measured in the same rounds; false if a record has no relative times.
 pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
     rounds_of(one).zip(rounds_of(other)).is_some_and(|(one, other)| one == other)
 }

@@ -97,13 +97,14 @@ impl<'a> Group<'a> {
         ranking(self.records.iter().copied())
     }
 
-    /// Returns the fastest measured record that matches `wanted`. A record without a rank is returned only if
-    /// no record with a rank matches.
+    /// Returns the fastest record with a rank that matches `wanted`. If no record with a rank matches, returns the
+    /// first measured record without a rank that matches.
     pub fn best_where(&self, wanted: impl Fn(&Record) -> bool) -> Option<&'a Record> {
         self.ranking().all().into_iter().find(|record| wanted(record))
     }
 
-    /// Returns the fastest record with the preset `naive`; `None` if no such record has a time.
+    /// Returns the fastest record with the preset `naive`, as [`Self::best_where`] finds it; `None` if no record with
+    /// this preset has a time.
     pub fn naive(&self) -> Option<&'a Record> {
         self.best_where(Record::is_naive)
     }
@@ -238,7 +239,7 @@ pub mod tests {
         }
     }
 
-    /// Returns records as a folder shows them, with their relative times.
+    /// Returns the records with their relative times, which raycl computes when it reads a folder.
     pub fn judged(records: impl Into<Vec<Record>>) -> Vec<Record> {
         let mut records = records.into();
         judge(&mut records);

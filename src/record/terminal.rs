@@ -1,5 +1,5 @@
-//! Formats the tables that `raycl run` prints at the end of a run, with a row per strategy and a column per
-//! local size.
+//! Formats the tables that commands such as `raycl run` and `raycl merge` print at their end, with a row per
+//! strategy and a column per local size.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
@@ -85,8 +85,9 @@ fn matrix(group: &Group<'_>, device: &str, coloured: bool) -> String {
 }
 
 /// Returns a line with the largest fraction of the device's peak rate of multiply-adds that each strategy
-/// reaches; empty if the peak was not measured. The fraction is "unknown" if a strategy's rate of
-/// ray-triangle tests is known, but the number of operations per test is not.
+/// reaches. The fraction is "unknown" if a strategy's rate of ray-triangle tests is known, but the number of
+/// operations per test is not. Strategies with an unknown rate of tests are left out. The line is empty if the
+/// peak was not measured, or if all strategies are left out.
 fn peak_line(group: &Group<'_>) -> String {
     let (mut parts, mut unknown): (Vec<(&str, f64)>, Vec<&str>) = (Vec::new(), Vec::new());
     for record in group.ranking().ranked {
@@ -226,8 +227,8 @@ fn meaning(record: &Record) -> &'static str {
     }
 }
 
-/// Returns in general words why the kernels of an infeasible point could not run. The cause is found in the
-/// text of the record's reason, since a record contains no other data about it.
+/// Returns in general words why the kernels of an infeasible point could not run. The function finds the cause in
+/// the text of the record's reason, since a record contains no other data about the cause.
 fn obstacle(reason: &str) -> &'static str {
     if reason.ends_with(Infeasible::EMULATED) {
         "the device that `[emulate]` in the config imitates has too little memory"

@@ -159,9 +159,9 @@ fn measured_with(record: &Record) -> String {
     }
 }
 
-/// Returns the samples of some records and anchors, sorted by launch and then by time. The field `point` of a
-/// sample is the index of the sample's record. In the sample of an anchor (work whose time shows the
-/// machine's speed), `point` is the number of records plus the anchor's index.
+/// Returns the samples of some records and anchors, sorted by launch, and within a launch by the moment at which
+/// they were taken. The field `point` of a sample is the index of the sample's record. In the sample of an
+/// anchor (work whose time shows the machine's speed), `point` is the number of records plus the anchor's index.
 pub(super) fn in_order<'a>(
     records: impl ExactSizeIterator<Item = &'a Record>,
     anchors: &[AnchorTimes<'_>],

@@ -22,8 +22,8 @@ pub(super) struct Column<'a> {
 }
 
 impl<'a> Column<'a> {
-    /// Ranks the points of a group, and finds each strategy's best point: its fastest ranked point, and its first point
-    /// without a rank.
+    /// Ranks the points of a group. For each strategy, finds the fastest point with a rank, and a point without a rank
+    /// (if possible, one with a time).
     pub(super) fn of(group: &Group<'a>) -> Self {
         let ranking = group.ranking();
         let failed = group.failures().into_iter().map(|(record, _)| record);

@@ -4,7 +4,7 @@ use crate::record::axes::axes;
 use crate::record::types::Record;
 use std::collections::HashSet;
 
-/// The properties that distinguish one strategy of a run's records from another.
+/// The properties by which the strategies of a run are told apart.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Identity<'a> {
     /// The strategy's name.
@@ -55,8 +55,8 @@ pub(super) fn pairs(records: &[Record]) -> Vec<Pair<'_>> {
 }
 
 impl<'a> Pair<'a> {
-    /// Makes a pair of two strategies. Returns `None` if the strategies do not differ in exactly one axis, or
-    /// if their kernels are in different folders.
+    /// Makes a pair of two strategies. Returns `None` if the strategies differ in no axis or in several axes, or
+    /// if their kernels come from different folders.
     fn of(first: &Identity<'a>, second: &Identity<'a>) -> Option<Self> {
         if first.kernels_of != second.kernels_of || first.axes.len() != second.axes.len() {
             return None;
