@@ -99,8 +99,14 @@ fn escaped(argument: &str) -> String {
 /// Joins names with commas. Of more than four names, lists only the first four names and the number of all
 /// further names: "a, b, c, d, and 2 more".
 pub fn few(names: &[impl AsRef<str>]) -> String {
-    let more = names.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
-    names.iter().take(4).map(|name| name.as_ref().to_owned()).chain(more).collect::<Vec<_>>().join(", ")
+    first(names, 4)
+}
+
+/// Joins names with commas. Of more than `most` names, lists only the first `most` names and the number of all further
+/// names.
+pub fn first(names: &[impl AsRef<str>], most: usize) -> String {
+    let more = names.len().checked_sub(most).filter(|more| *more > 0).map(|more| format!("and {more} more"));
+    names.iter().take(most).map(|name| name.as_ref().to_owned()).chain(more).collect::<Vec<_>>().join(", ")
 }
 
 /// Joins names with commas. Lists only the first eight names, and the number of all further names:

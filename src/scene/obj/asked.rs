@@ -19,6 +19,7 @@ pub(in crate::scene) enum Wish {
     Blending,
     UnknownAlpha,
     Colour,
+    Range,
     EmissionPlace,
     Reflection,
     Refraction,
@@ -55,6 +56,7 @@ impl Wish {
                 ("an unknown kind of transparency", "the surface is opaque; expected OPAQUE, MASK or BLEND")
             }
             Self::Colour => ("a colour outside 0 to 1", "channels are limited to this range"),
+            Self::Range => ("a value outside its range", "it is limited to this range"),
             Self::EmissionPlace => (
                 "emitted light from a texture that is placed differently from the colour texture",
                 "the surface emits no light",

@@ -86,32 +86,49 @@ impl<'a> Numbers<'a> {
     /// Returns the elements of an accessor (a list of numbers or vectors in a buffer). Each element must have
     /// `N` components.
     pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
-        let number = index.value();
-        let message = |what: String| format!("accessor {number}: {what}");
-        let accessor = self.root.get(index).ok_or_else(|| message("it does not exist".to_owned()))?;
-        self.elements(accessor).map_err(message)
+        let accessor = self.accessor(index)?;
+        self.elements(accessor, accessor.normalized).map_err(within(index))
     }
 
     /// Returns the elements of a vertex attribute, such as positions. Returns an error for 32-bit whole numbers, which
     /// glTF allows only for indices: probably, the buffer holds floats.
     pub fn attribute<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
-        self.refuse(ComponentType::U32, index, "5125 (unsigned int); expected 5126 (float) for vertices")?;
+        let expected = "5126 (float) for vertices";
+        self.refuse(&[(ComponentType::U32, "5125 (unsigned int)")], index, expected)?;
         self.of(index)
     }
 
-    /// Returns the elements of a list of indices. Returns an error for floats, which glTF does not allow for indices.
+    /// Returns the elements of a list of indices, which glTF never normalises. Returns an error for floats and signed
+    /// numbers, which glTF does not allow for indices.
     pub fn indices(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; 1]>> {
-        self.refuse(ComponentType::F32, index, "5126 (float); expected 5125 or 5123 (unsigned) for indices")?;
-        self.of(index)
+        let wrong = [
+            (ComponentType::F32, "5126 (float)"),
+            (ComponentType::I8, "5120 (byte)"),
+            (ComponentType::I16, "5122 (short)"),
+        ];
+        self.refuse(&wrong, index, "5125, 5123 or 5121 (unsigned) for indices")?;
+        self.elements(self.accessor(index)?, false).map_err(within(index))
     }
 
-    fn refuse(&self, wrong: ComponentType, index: Index<Accessor>, message: &str) -> Parsed<()> {
-        match self.root.get(index).map(|accessor| &accessor.component_type) {
-            Some(Checked::Valid(component)) if component.0 == wrong => {
-                Err(format!("accessor {}: its componentType is {message}", index.value()))
-            }
-            _ => Ok(()),
-        }
+    /// Returns true if an accessor asks for normalised numbers.
+    pub fn is_normalised(&self, index: Index<Accessor>) -> bool {
+        self.root.get(index).is_some_and(|accessor| accessor.normalized)
+    }
+
+    fn accessor(&self, index: Index<Accessor>) -> Parsed<&'a Accessor> {
+        self.root.get(index).ok_or_else(|| within(index)("it does not exist".to_owned()))
+    }
+
+    /// Returns an error if the component type of an accessor is one of `wrong`, which has types with their names.
+    fn refuse(&self, wrong: &[(ComponentType, &str)], index: Index<Accessor>, expected: &str) -> Parsed<()> {
+        let Some(Checked::Valid(component)) = self.root.get(index).map(|accessor| &accessor.component_type)
+        else {
+            return Ok(());
+        };
+        let found = wrong.iter().find(|(wrong, _)| *wrong == component.0);
+        found.map_or(Ok(()), |(_, name)| {
+            Err(within(index)(format!("its componentType is {name}; expected {expected}")))
+        })
     }
 
     /// Returns true if an accessor stores nothing, so that all its elements are zero.
@@ -124,7 +141,7 @@ impl<'a> Numbers<'a> {
         self.root.get(index).and_then(|accessor| components(accessor).ok()).unwrap_or(0)
     }
 
-    fn elements<const N: usize>(&self, accessor: &Accessor) -> Parsed<Vec<[f64; N]>> {
+    fn elements<const N: usize>(&self, accessor: &Accessor, normalised: bool) -> Parsed<Vec<[f64; N]>> {
         if components(accessor)? != N {
             return Err(format!("its elements have {} numbers; expected {N}", components(accessor)?));
         }
@@ -137,7 +154,7 @@ impl<'a> Numbers<'a> {
             None => self.zeros(accessor, count)?,
             Some(view) => {
                 let offset = accessor.byte_offset.unwrap_or_default().0;
-                let elements = self.strided_view(view, offset, component, N, accessor.normalized)?;
+                let elements = self.strided_view(view, offset, component, N, normalised)?;
                 (0..count).map_while(|number| elements.element(number)).collect()
             }
         };
@@ -148,7 +165,7 @@ impl<'a> Numbers<'a> {
                 values.len()
             ));
         }
-        self.replace_sparse(accessor, component, &mut values)?;
+        self.replace_sparse(accessor, (component, normalised), &mut values)?;
         Ok(values)
     }
 
@@ -164,7 +181,7 @@ impl<'a> Numbers<'a> {
     fn replace_sparse<const N: usize>(
         &self,
         accessor: &Accessor,
-        component: ComponentType,
+        (component, normalised): (ComponentType, bool),
         values: &mut [[f64; N]],
     ) -> Parsed<()> {
         let Some(sparse) = &accessor.sparse else { return Ok(()) };
@@ -174,8 +191,7 @@ impl<'a> Numbers<'a> {
         let offset = sparse.indices.byte_offset.0;
         let indices = self.strided_view(sparse.indices.buffer_view, offset, index_type.0, 1, false)?;
         let offset = sparse.values.byte_offset.0;
-        let replacements =
-            self.strided_view(sparse.values.buffer_view, offset, component, N, accessor.normalized)?;
+        let replacements = self.strided_view(sparse.values.buffer_view, offset, component, N, normalised)?;
         for number in 0..sparse.count.0 as usize {
             let ends = || "its buffers hold fewer sparse elements than it states".to_owned();
             let [index] = indices.element::<1>(number).ok_or_else(ends)?;
@@ -209,6 +225,11 @@ impl<'a> Numbers<'a> {
         }
         Ok(StridedView { bytes: &buffer[range], stride, component, normalised })
     }
+}
+
+/// Returns a function that puts the name of an accessor before a message about it.
+fn within(index: Index<Accessor>) -> impl Fn(String) -> String {
+    move |what| format!("accessor {}: {what}", index.value())
 }
 
 /// Returns true if an accessor stores nothing, so that all its elements are zero.

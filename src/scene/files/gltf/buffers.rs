@@ -1,5 +1,6 @@
 //! The buffers of a glTF file: embedded as base64, in separate files, or at the end of a binary file.
 
+use super::left_out::{Counted, notes_on};
 use super::{Flaw, Parsed};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
@@ -8,7 +9,7 @@ use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
 use base64::{DecodeError, Engine as _};
 use gltf::json::Root;
-use gltf::json::buffer::Buffer;
+use gltf::json::buffer::{Buffer, View};
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -46,6 +47,37 @@ pub(super) fn load<'a>(
             }
         })
         .collect()
+}
+
+/// Returns notes on buffers, and on buffer views (parts of buffers), that are not as long as the file states, and on a
+/// binary part that is in no buffer. `binary` is the length of the binary part.
+pub(super) fn notes(
+    root: &Root,
+    buffers: &[Bytes<'_>],
+    binary: usize,
+) -> impl Iterator<Item = String> + use<> {
+    let is_short = |(buffer, bytes): &(&Buffer, &Bytes<'_>)| (bytes.len() as u64) < buffer.byte_length.0;
+    let ends_beyond = |view: &&View| {
+        let end = view.byte_offset.unwrap_or_default().0.saturating_add(view.byte_length.0);
+        let bytes = buffers.get(view.buffer.value()).map(|bytes| bytes.len() as u64);
+        let stated = root.get(view.buffer).map(|buffer| buffer.byte_length.0);
+        bytes.zip(stated).is_some_and(|(bytes, stated)| end > bytes.min(stated))
+    };
+    let is_unused = binary > 0 && root.buffers.first().is_none_or(|buffer| buffer.uri.is_some());
+    let counts: [Counted; 3] = [
+        (
+            root.buffers.iter().zip(buffers).filter(is_short).count(),
+            "buffer with fewer bytes than its byteLength",
+            "read as it is",
+        ),
+        (
+            root.buffer_views.iter().filter(ends_beyond).count(),
+            "buffer view that ends beyond its buffer",
+            "read as far as there are bytes",
+        ),
+        (usize::from(is_unused), "BIN chunk that no buffer uses", "ignored"),
+    ];
+    notes_on(counts)
 }
 
 fn read<'a>(

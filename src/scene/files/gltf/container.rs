@@ -1,5 +1,6 @@
 //! Separates the parts of a glTF file: the JSON and, in a binary file (GLB), the bytes of the first buffer.
 
+use super::left_out::{Counted, notes_on};
 use super::{Named, Result};
 use crate::error::Error;
 use crate::words::counted;
@@ -35,8 +36,51 @@ pub(super) fn split<'a>(named: Named<'_>, bytes: &'a [u8]) -> Result<Halves<'a>>
     Ok((json.contents, buffer(bytes, rest).map_err(what)?.map(Cow::Borrowed)))
 }
 
+/// Returns notes on the parts of a binary file that are not used: the length in its header, if this is not the length of
+/// the file, and the chunks beside the first chunk, which is the JSON, and the first chunk of the type `BIN`.
+pub(super) fn notes(bytes: &[u8]) -> impl Iterator<Item = String> + use<> {
+    let surplus = if bytes.starts_with(MAGIC) { Surplus::of(bytes) } else { Surplus::default() };
+    let Surplus { json, binary, others, damage } = surplus;
+    let counts: [Counted; 3] = [
+        (json, "further chunk of the type JSON", "ignored"),
+        (binary, "further chunk of the type BIN", "ignored"),
+        (others, "chunk of a type other than JSON and BIN", "ignored"),
+    ];
+    let damage = damage.map(|what| format!("the end of the file is ignored: {what}"));
+    note_length(bytes).into_iter().chain(notes_on(counts)).chain(damage)
+}
+
+/// The numbers of chunks that are not used, and the mistake in the first chunk that is damaged.
+#[derive(Default)]
+struct Surplus {
+    json: usize,
+    binary: usize,
+    others: usize,
+    damage: Option<String>,
+}
+
+impl Surplus {
+    fn of(bytes: &[u8]) -> Self {
+        let (mut surplus, mut has_buffer, mut at) = (Self::default(), false, HEADER_BYTES);
+        while bytes.len() >= at.saturating_add(CHUNK_HEADER_BYTES) {
+            match chunk(bytes, at) {
+                Ok((Chunk { kind, .. }, next)) => {
+                    match kind {
+                        b"JSON" => surplus.json += usize::from(at > HEADER_BYTES),
+                        b"BIN\0" => surplus.binary += usize::from(std::mem::replace(&mut has_buffer, true)),
+                        _ => surplus.others += 1,
+                    }
+                    at = next;
+                }
+                Err(what) => return Self { damage: Some(what), ..surplus },
+            }
+        }
+        surplus
+    }
+}
+
 /// Returns a note if the length in the header of a binary file is not the length of the file.
-pub(super) fn note_length(bytes: &[u8]) -> Option<String> {
+fn note_length(bytes: &[u8]) -> Option<String> {
     let stated = number(bytes, HEADER_BYTES - 4).filter(|_| bytes.starts_with(MAGIC))? as usize;
     (stated != bytes.len()).then(|| {
         let [stated, actual] = [stated, bytes.len()].map(|count| counted(count, "byte"));
@@ -131,6 +175,27 @@ mod tests {
                 .is_some_and(|note| note.contains("states 24 bytes, but the file has 28 bytes"))
         );
         assert_eq!([&b"glTF\x02\0\0\0"[..], b"{\"asset\": {}}"].map(note_length), [None, None]);
+    }
+
+    #[test]
+    fn chunks_that_are_not_used_are_noted() {
+        let noted = |chunks: &[(&[u8], &[u8])], end: &[u8]| {
+            let length = file(0, chunks).len() + end.len();
+            notes(&[&file(length as u32, chunks)[..], end].concat()).collect::<Vec<_>>()
+        };
+        let whole: [(&[u8], &[u8]); 2] = [(b"JSON", b"{}  "), (b"BIN\0", b"abcd")];
+        assert_eq!(noted(&whole, b"\0\0\0"), [""; 0]);
+        let more = [whole[0], whole[0], whole[1], (b"ODD?", b""), whole[1], whole[1]];
+        let expected = [
+            "1 further chunk of the type JSON is ignored",
+            "2 further chunks of the type BIN are ignored",
+            "1 chunk of a type other than JSON and BIN is ignored",
+        ];
+        assert_eq!(noted(&more, b""), expected);
+        let damage =
+            "the end of the file is ignored: the chunk at byte 36 has 99 bytes, of which the file holds 1";
+        assert_eq!(noted(&whole, b"\x63\0\0\0BIN\0a"), [damage]);
+        assert_eq!(notes(b"{}").next(), None);
     }
 
     #[test]

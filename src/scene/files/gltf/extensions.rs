@@ -1,10 +1,13 @@
 //! The extensions that a glTF file uses: which are supported, which are noted, and which are refused.
 
 use super::accessors::is_empty;
+use super::survey::Survey;
 use super::{Flaw, Named, Result, quoted};
+use crate::words::first;
 use gltf::json::Root;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
+use std::collections::BTreeSet;
 
 /// Extensions that raycl supports, and extensions on which another module writes a note if a part of the file
 /// uses them.
@@ -48,7 +51,7 @@ pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
         _ => "the extensions",
     };
     let text = |what: &str| format!("the file requires {what}, which raycl does not support");
-    let quoting = text(&format!("{what} {}", lacking.join(", ")));
+    let quoting = text(&format!("{what} {}", first(&lacking, MOST_LISTED)));
     Err(named
         .error(Flaw::quoting(quoting, text("an extension that compresses its vertices")))
         .with_help("export the file without compression, for example with `gltf-transform copy` or Blender"))
@@ -62,24 +65,22 @@ fn is_compressed(root: &Root, primitive: &Primitive) -> bool {
     compressed && positions.is_none_or(|index| is_empty(root, *index))
 }
 
-/// Returns notes on unsupported extensions, except those on which other modules write notes. The notes
-/// contain the names of the extensions only if `quotes` is true.
-pub(super) fn notes(root: &Root, quotes: bool) -> impl Iterator<Item = String> {
-    let required = |extension: &String| root.extensions_required.contains(extension);
-    let unknown = root.extensions_required.iter().filter(|extension| !is_known(extension));
-    let needed = list(unknown);
-    let unknown =
-        root.extensions_used.iter().filter(|extension| !is_known(extension) && !required(extension));
-    let ignored = list(unknown);
+/// Returns notes on unsupported extensions, except those on which other modules write notes. An extension is noted even
+/// if the file does not list it, but a part of the file has it. The notes contain the names of the extensions only if
+/// `quotes` is true.
+pub(super) fn notes(root: &Root, survey: &Survey, quotes: bool) -> impl Iterator<Item = String> {
+    let needed = root.extensions_required.iter().filter(|name| !is_known(name));
+    let used: BTreeSet<_> = root.extensions_used.iter().chain(&survey.extensions).collect();
+    let ignored = used.into_iter().filter(|name| !is_known(name) && !root.extensions_required.contains(name));
     let note = |what: &str, names: Vec<String>| {
-        let listed = || if quotes { format!(": {}", names.join(", ")) } else { String::new() };
+        let listed = || if quotes { format!(": {}", first(&names, MOST_LISTED)) } else { String::new() };
         (!names.is_empty()).then(|| what.to_owned() + &listed())
     };
-    let needed =
-        note("the file requires extensions that raycl does not support, so the picture may be wrong", needed);
-    needed.into_iter().chain(note("unsupported extensions are ignored", ignored))
+    let what = "the file requires extensions that raycl does not support, so the picture may be wrong";
+    let needed = note(what, list(needed));
+    needed.into_iter().chain(note("unsupported extensions are ignored", list(ignored)))
 }
 
 fn list<'a>(extensions: impl Iterator<Item = &'a String>) -> Vec<String> {
-    extensions.take(MOST_LISTED).map(|extension| quoted(extension.as_bytes())).collect()
+    extensions.map(|extension| quoted(extension.as_bytes())).collect()
 }

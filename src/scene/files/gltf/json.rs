@@ -21,15 +21,19 @@ pub(super) fn read(named: Named<'_>, json: &[u8]) -> Result<Read> {
     }
 }
 
-/// Returns a note if the file states a version that does not begin with 2, or if it needs another version
+/// Returns a note if the file states a version other than 2 or 2.x, or if it needs another version
 /// than 2.0. The note quotes the version only if `quotes` is true.
 pub(super) fn note_version(root: &Root, quotes: bool) -> Option<String> {
     let needed = root.asset.min_version.as_ref().filter(|needed| *needed != "2.0");
-    let stated = Some(&root.asset.version).filter(|stated| !stated.starts_with('2'));
+    let stated = Some(&root.asset.version).filter(|stated| !is_version_2(stated));
     let version = needed.or(stated)?;
     let named =
         if quotes { format!("version {}", quoted(version.as_bytes())) } else { "another version".to_owned() };
     Some(format!("the file asks for {named} of glTF, but is read as version 2.0"))
+}
+
+fn is_version_2(version: &str) -> bool {
+    version == "2" || version.starts_with("2.")
 }
 
 /// Reads the JSON without the parts that raycl does not use. Adds empty `nodes` and `attributes` where they
@@ -37,12 +41,16 @@ pub(super) fn note_version(root: &Root, quotes: bool) -> Option<String> {
 fn tidied(json: &[u8]) -> Option<Read> {
     let mut value: Value = serde_json::from_slice(json).ok()?;
     let version = &value["asset"]["version"];
-    if !version.as_str().is_some_and(|version| version.starts_with('2')) {
+    if !version.as_str().is_some_and(is_version_2) {
         return None;
     }
     let top = value.as_object_mut()?;
     let animations = top.remove("animations");
-    let animations = animations.as_ref().and_then(Value::as_array).map_or(0, Vec::len);
+    let animations = match animations {
+        Some(Value::Array(list)) => list.len(),
+        Some(_) => return None,
+        None => 0,
+    };
     complete(top, "scenes", "nodes", &json!([]));
     for mesh in objects(top, "meshes") {
         complete(mesh, "primitives", "attributes", &json!({}));
@@ -99,9 +107,9 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
         _ => value["meshes"].is_object().then(|| "1.0".to_owned()),
     });
     match version {
-        Some(version) if !version.starts_with('2') => {
+        Some(version) if !is_version_2(&version) => {
             let text = |version: &str| {
-                format!("raycl does not read glTF of {version}; expected a version that begins with 2")
+                format!("raycl does not read glTF of {version}; expected version 2.0 or another 2.x")
             };
             let quoting = text(&format!("version {}", quoted(version.as_bytes())));
             named.error(Flaw::quoting(quoting, text("this version"))).with_help(CONVERT)
@@ -185,6 +193,7 @@ mod tests {
         for (asset, version) in [
             (r#""version": "1.0""#, "version `1.0`"),
             (r#""version": "3.0""#, "version `3.0`"),
+            (r#""version": "20.5""#, "version `20.5`"),
             (r#""version": "2.1", "minVersion": "2.1""#, "version `2.1`"),
         ] {
             let expected = |version: &str| {
@@ -205,5 +214,8 @@ mod tests {
         // The third file has three animations without channels. `gltf-json` refuses such animations, so the
         // file is read without the contents of its animations.
         assert_eq!([count("[]"), count(&format!("[{valid}, {valid}]")), count("[{}, {}, {}]")], [0, 2, 3]);
+        let table = r#"{"asset": {"version": "2.0"}, "animations": {"a": 1}}"#;
+        let error = read(Named { name: "a.gltf", quotes: true }, table.as_bytes()).err().unwrap();
+        assert!(error.to_string().contains("invalid type: map, expected a sequence"), "{error}");
     }
 }

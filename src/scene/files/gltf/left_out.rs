@@ -2,9 +2,23 @@
 //! parts.
 
 use super::Parsed;
-use super::primitives::Part;
+use super::primitives::{Part, mode_of};
 use crate::words::{counted, counted_are};
 use gltf::json::Root;
+use gltf::json::mesh::Primitive;
+use gltf::json::validation::Checked;
+use std::collections::BTreeSet;
+
+/// The number of parts of a kind, the name of one such part, and what raycl does with it.
+pub(super) type Counted = (usize, &'static str, &'static str);
+
+/// Returns a note for each kind of which there are parts.
+pub(super) fn notes_on(counts: impl IntoIterator<Item = Counted>) -> impl Iterator<Item = String> {
+    counts
+        .into_iter()
+        .filter(|(count, ..)| *count > 0)
+        .map(|(count, what, done)| format!("{} {done}", counted_are(count, what)))
+}
 
 /// The number of parts of each kind that the picture leaves out or shows differently.
 #[derive(Default)]
@@ -16,6 +30,8 @@ pub(super) struct LeftOut {
     pub odd_views: usize,
     /// The number of cameras whose transform leaves no viewing direction.
     pub flat_cameras: usize,
+    /// The number of cameras whose znear is not finite or below 0.
+    pub odd_nears: usize,
     /// The number of nodes with a camera that are not in the shown scene.
     pub other_cameras: usize,
     pub spots: usize,
@@ -24,17 +40,32 @@ pub(super) struct LeftOut {
     pub ranges: usize,
     /// The number of lights that illuminate nothing.
     pub dark: usize,
+    /// The number of directional lights whose transform leaves no direction.
+    pub flat_lights: usize,
+    /// The number of nodes with a light that are not in the shown scene.
+    pub other_lights: usize,
     /// The number of primitives whose node has a skin that does not place them: they have no joints and weights, or no
     /// joint of the skin is valid.
     pub unskinned: usize,
     /// The number of vertices with joints or weights that are not valid.
     pub odd_influences: usize,
+    /// The number of vertices whose weights have another sum than 1.
+    pub odd_sums: usize,
+    /// The number of inverse bind matrices whose last row is not 0 0 0 1.
+    pub odd_inverses: usize,
     /// The number of sets of joints without weights, and of sets of weights without joints.
     pub unpaired: usize,
     pub targets: usize,
     pub clear_colours: usize,
     pub lines_and_points: usize,
-    pub empty: usize,
+    /// The number of primitives without a known mode.
+    pub odd_modes: usize,
+    /// The number of primitives of triangles without positions.
+    pub unpositioned: usize,
+    /// The accessors that store nothing.
+    pub empty: BTreeSet<usize>,
+    /// The number of primitives whose indices are normalised.
+    pub normalised: usize,
     pub dangling: usize,
     /// The number of corners after the last whole triangle of a primitive.
     pub spare: usize,
@@ -47,14 +78,31 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Adds the counts of the primitive (a part of a mesh) `part`.
+    /// Adds the counts of the primitive (a part of a mesh) `part`, which do not depend on its skin.
     pub fn add(&mut self, part: &Part) {
         self.odd_coordinates += part.odd_coordinates;
-        self.odd_influences += part.odd_influences;
-        self.unpaired += part.unpaired;
-        self.empty += part.empty;
+        self.empty.extend(&part.empty);
+        self.normalised += usize::from(part.has_normalised_indices);
         self.dangling += part.dangling;
         self.spare += part.spare;
+    }
+
+    /// Adds the counts of the primitive (a part of a mesh) `part` that depend on its skin.
+    pub fn add_skinned(&mut self, part: &Part) {
+        self.odd_influences += part.odd_vertices.influences;
+        self.odd_sums += part.odd_vertices.sums;
+        self.unpaired += part.unpaired;
+        self.empty.extend(&part.empty);
+    }
+
+    /// Counts a primitive that is not drawn.
+    pub fn add_undrawn(&mut self, primitive: &Primitive) {
+        let count = match primitive.mode {
+            Checked::Invalid => &mut self.odd_modes,
+            _ if mode_of(primitive).is_some() => &mut self.unpositioned,
+            _ => &mut self.lines_and_points,
+        };
+        *count += 1;
     }
 
     /// Returns an error if no triangle remains (`triangles` is 0) and some triangles were left out because
@@ -82,6 +130,7 @@ impl LeftOut {
                 "camera without a viewing direction",
                 "left out: the scales of nodes must not be 0",
             ),
+            (self.odd_nears, "camera with a znear that is not a number, 0 or more", "used with a znear of 0"),
             (self.other_cameras, "camera outside the shown scene", "not used"),
             (
                 self.odd_lights,
@@ -91,6 +140,12 @@ impl LeftOut {
             (self.spots, "spot light", "shown as shining in all directions"),
             (self.ranges, "light with a range", "shown without it"),
             (self.dark, "light of intensity 0", "left out"),
+            (
+                self.flat_lights,
+                "directional light without a direction",
+                "shown as shining along -y: the scales of nodes must not be 0",
+            ),
+            (self.other_lights, "light outside the shown scene", "not used"),
             (
                 self.unskinned,
                 "primitive that its skin does not place",
@@ -102,6 +157,16 @@ impl LeftOut {
                 "placed by the valid joints or, without any, by the skin's first valid joint",
             ),
             (
+                self.odd_sums,
+                "vertex with weights whose sum is not 1",
+                "placed with these weights divided by their sum",
+            ),
+            (
+                self.odd_inverses,
+                "joint with an inverse bind matrix whose last row is not 0 0 0 1",
+                "used without this row: expected the numbers of the matrix by columns",
+            ),
+            (
                 self.unpaired,
                 "set of joints (JOINTS_n) or of weights (WEIGHTS_n) without the other",
                 "ignored",
@@ -109,7 +174,10 @@ impl LeftOut {
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
             (self.lines_and_points, "primitive of lines or points", "left out"),
-            (self.empty, "accessor without data", "read as zeros"),
+            (self.odd_modes, "primitive of an unknown mode", "left out"),
+            (self.unpositioned, "primitive of triangles without positions", "left out"),
+            (self.empty.len(), "accessor without data", "read as zeros"),
+            (self.normalised, "primitive with normalised indices", "shown as if they were not normalised"),
             (self.dangling, "triangle with a position that does not exist", "left out"),
             (self.spare, "corner after the last whole triangle", "left out"),
             (self.odd_coordinates, "texture coordinate with a number that is not finite", "ignored"),
@@ -120,10 +188,7 @@ impl LeftOut {
                  expected numbers near 0",
             ),
         ];
-        notes
-            .into_iter()
-            .filter(|(count, ..)| *count > 0)
-            .map(|(count, what, done)| format!("{} {done}", counted_are(count, what)))
+        notes_on(notes)
     }
 }
 
@@ -147,6 +212,7 @@ pub(super) fn other_scenes(root: &Root) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::skins::OddVertices;
     use super::*;
 
     #[test]
@@ -179,16 +245,21 @@ mod tests {
             is_placed: false,
             triangles: Vec::new(),
             material: 0,
-            empty: count,
+            empty: vec![count, 7],
+            has_normalised_indices: true,
             dangling: 10 * count,
             spare: 100 * count,
             odd_coordinates: 1000 * count,
-            odd_influences: 10_000 * count,
+            odd_vertices: OddVertices { influences: 10_000 * count, sums: 1_000_000 * count },
             unpaired: 100_000 * count,
         };
         let mut all = LeftOut::default();
-        [1, 2].map(part).iter().for_each(|part| all.add(part));
-        assert_eq!([all.empty, all.dangling, all.spare, all.odd_coordinates], [3, 30, 300, 3000]);
-        assert_eq!([all.odd_influences, all.unpaired], [30_000, 300_000]);
+        [1, 2].map(part).iter().for_each(|part| {
+            all.add(part);
+            all.add_skinned(part);
+        });
+        assert_eq!([all.empty.len(), all.dangling, all.spare, all.odd_coordinates], [3, 30, 300, 3000]);
+        assert_eq!([all.odd_influences, all.unpaired, all.odd_sums], [30_000, 300_000, 3_000_000]);
+        assert_eq!(all.normalised, 2);
     }
 }

@@ -77,8 +77,12 @@ fn cutoff(wire: &Wire) -> f32 {
     }
 }
 
-/// Returns the factor by which the texture's alpha is multiplied.
+/// Returns the factor by which the texture's alpha is multiplied, from 0 to 1.
 fn factor(wire: &Wire) -> f32 {
+    stated_alpha(wire).clamp(0.0, 1.0)
+}
+
+fn stated_alpha(wire: &Wire) -> f32 {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness");
     let of = |older: &serde_json::Value| older["diffuseFactor"][3].as_f64().unwrap_or(1.0) as f32;
     older.map_or(wire.pbr_metallic_roughness.base_color_factor.0[3], of)
@@ -111,10 +115,13 @@ fn stated_colour(wire: &Wire) -> (&'static str, Vec3) {
 /// factor, with channels from 0 to 1, times the strength that the extension KHR_materials_emissive_strength
 /// states.
 fn emitted(wire: &Wire) -> Vec3 {
-    let strength = extension(wire, "KHR_materials_emissive_strength");
-    let strength = strength.and_then(|strength| strength["emissiveStrength"].as_f64()).unwrap_or(1.0);
     let factor = Vec3::from_array(wire.emissive_factor.0).clamp(Vec3::ZERO, Vec3::ONE);
-    factor * (strength as f32).clamp(0.0, MAX_EMITTED)
+    factor * stated_strength(wire).clamp(0.0, MAX_EMITTED)
+}
+
+fn stated_strength(wire: &Wire) -> f32 {
+    let strength = extension(wire, "KHR_materials_emissive_strength");
+    strength.and_then(|strength| strength["emissiveStrength"].as_f64()).unwrap_or(1.0) as f32
 }
 
 /// Returns true if a material emits light. An emissive texture is multiplied by `emissiveFactor`, which is 0
@@ -146,7 +153,8 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
         asked.add(wish, key.as_bytes());
     }
     let (key, colour) = stated_colour(wire);
-    if is_outside(&colour) {
+    let alpha = if uses_alpha(wire) { stated_alpha(wire) } else { 1.0 };
+    if is_outside(&colour) || is_outside(&Vec3::splat(alpha)) {
         asked.add(Wish::Colour, key.as_bytes());
     }
     for option in unsupported_options(root, wire) {
@@ -164,9 +172,21 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
     let is_replaced = replacing.iter().any(|name| extension(wire, name).is_some());
     if pbr.metallic_factor.0 > 0.0 && !is_replaced {
         asked.add(Wish::Metal, b"metallicFactor");
-    } else if pbr.roughness_factor.0 < 1.0 && !is_replaced {
+    }
+    if pbr.roughness_factor.0 < 1.0 && !is_replaced {
         asked.add(Wish::Gloss, b"roughnessFactor");
     }
+    let is_odd = |factor: f32| !is_replaced && is_outside(&Vec3::splat(factor));
+    let limited = [
+        (is_odd(pbr.metallic_factor.0), "metallicFactor"),
+        (is_odd(pbr.roughness_factor.0), "roughnessFactor"),
+        (wire.alpha_cutoff.is_some_and(|cutoff| cutoff.0 < 0.0) && uses_alpha(wire), "alphaCutoff"),
+        (stated_strength(wire) > MAX_EMITTED, "emissiveStrength"),
+    ];
+    limited
+        .iter()
+        .filter(|(is_limited, _)| *is_limited)
+        .for_each(|(_, key)| asked.add(Wish::Range, key.as_bytes()));
     for (name, _) in others(wire) {
         if let Some(wish) = extension_wish(name) {
             asked.add(wish, name.as_bytes());
@@ -197,16 +217,17 @@ fn alpha_wish(wire: &Wire) -> Option<(Wish, &'static str)> {
     }
 }
 
-/// Returns the unsupported feature for which an extension of a material asks; `None` if there is no note on
-/// the extension.
+/// Returns the unsupported feature for which an extension of a material asks; `None` if there is no note on the
+/// extension, or if the note on unknown extensions names it.
 fn extension_wish(name: &str) -> Option<Wish> {
     match name {
         "KHR_materials_transmission" | "KHR_materials_volume" | "KHR_materials_diffuse_transmission" => {
             Some(Wish::Refraction)
         }
         "KHR_materials_unlit" => Some(Wish::Unlit),
-        "KHR_materials_emissive_strength" | "KHR_materials_ior" => None,
-        _ => Some(Wish::Shine),
+        "KHR_materials_emissive_strength" => None,
+        _ if name.starts_with("KHR_materials_") => Some(Wish::Shine),
+        _ => None,
     }
 }
 

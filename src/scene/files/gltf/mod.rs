@@ -5,6 +5,7 @@
 mod accessors;
 mod buffers;
 mod container;
+mod extension_values;
 mod extensions;
 mod json;
 mod left_out;
@@ -12,7 +13,9 @@ mod materials;
 mod memory;
 mod nodes;
 mod primitives;
+mod replaced;
 mod skins;
+mod survey;
 mod textures;
 mod transforms;
 
@@ -23,6 +26,7 @@ use crate::scene::obj::{self, Reach, quoted};
 use crate::words::counted_are;
 use accessors::Numbers;
 use nodes::Walk;
+use survey::Survey;
 use textures::Files;
 
 /// A result whose error is a message about a mistake in the file. The message does not quote a file that must
@@ -35,8 +39,11 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let quotes = reach.permitted.quotes;
     let named = Named { name, quotes };
     let (json, binary) = container::split(named, bytes)?;
+    let survey = Survey::of(named, json)?;
     let json::Read { root, animations } = json::read(named, json)?;
     extensions::refuse(named, &root)?;
+    extension_values::check(&root).map_err(|what| named.error(what))?;
+    let binary_bytes = binary.as_ref().map_or(0, |bytes| bytes.len());
     let buffers = buffers::load(&root, reach, binary).map_err(|flaw| named.error(flaw))?;
     let mut materials = materials::read(&root);
     let placed = transforms::placed(&root).map_err(|what| named.error(what))?;
@@ -55,9 +62,12 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let mut file = settled.map_err(|flaw| named.error(flaw))?;
     file.double_sided = materials::double_sided(&root, &used);
     file.notes.extend(note_animations(animations));
-    file.notes.extend(extensions::notes(&root, quotes));
+    file.notes.extend(replaced::notes(&root));
+    file.notes.extend(survey.note_attributes(quotes));
+    file.notes.extend(extensions::notes(&root, &survey, quotes));
     file.notes.extend(json::note_version(&root, quotes));
-    file.notes.extend(container::note_length(bytes));
+    file.notes.extend(buffers::notes(&root, &buffers, binary_bytes));
+    file.notes.extend(container::notes(bytes));
     Ok(file)
 }
 

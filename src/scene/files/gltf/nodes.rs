@@ -16,7 +16,7 @@ use crate::scene::obj::{finite, unmapped};
 use crate::scene::shapes::MAX_TRIANGLES;
 use crate::scene::{Camera, Mapped, Texture, Textures, validate};
 use glam::{DMat3, DMat4, DVec3, Vec3};
-use gltf::json::camera::Type;
+use gltf::json::camera::{Perspective, Type};
 use gltf::json::extensions::scene::khr_lights_punctual as punctual;
 use gltf::json::mesh::Mesh as GltfMesh;
 use gltf::json::scene::Node;
@@ -50,10 +50,13 @@ pub(super) struct Walk<'a> {
     /// The index of the first triangle of each node that has a mesh. If no node has a mesh, the list has the
     /// index of the first triangle of each mesh.
     starts: Vec<u32>,
-    /// For each perspective camera: its position in double precision, the camera moved to the origin, and its
-    /// zfar, if the file states one. zfar is the depth beyond which the file's camera sees nothing.
-    cameras: Vec<(DVec3, Camera, Option<f32>)>,
+    /// For each perspective camera: its position in double precision, the camera moved to the origin, and the file's
+    /// values.
+    cameras: Vec<(DVec3, Camera, &'a Perspective)>,
     lights: Vec<FileLight>,
+    /// The meshes whose parts were counted, and the pairs of a mesh and a skin. Each counts once, even if many nodes
+    /// place it.
+    counted: HashSet<(usize, Option<usize>)>,
     left_out: LeftOut,
 }
 
@@ -81,7 +84,8 @@ impl<'a> Walk<'a> {
             starts: Vec::new(),
             cameras: Vec::new(),
             lights: Vec::new(),
-            left_out: LeftOut { empty: skins.empty, ..LeftOut::default() },
+            counted: HashSet::new(),
+            left_out: LeftOut { empty: skins.empty, odd_inverses: skins.rows, ..LeftOut::default() },
         };
         for (index, transform) in placed {
             let Some(node) = numbers.root.get(*index) else { continue };
@@ -90,10 +94,13 @@ impl<'a> Walk<'a> {
         if walk.starts.is_empty() {
             walk.add_unplaced()?;
         }
-        let has_camera = |node: &&Node| node.camera.is_some();
-        let shown = placed.iter().filter_map(|(node, _)| numbers.root.get(*node));
-        walk.left_out.other_cameras =
-            numbers.root.nodes.iter().filter(has_camera).count() - shown.filter(has_camera).count();
+        let outside = |has: fn(&Node) -> bool| {
+            let shown = placed.iter().filter_map(|(node, _)| numbers.root.get(*node));
+            numbers.root.nodes.iter().filter(|node| has(node)).count()
+                - shown.filter(|node| has(node)).count()
+        };
+        walk.left_out.other_cameras = outside(|node| node.camera.is_some());
+        walk.left_out.other_lights = outside(|node| light_of(node).is_some());
         walk.left_out.check(walk.triangles.len())?;
         Ok(walk)
     }
@@ -130,9 +137,12 @@ impl<'a> Walk<'a> {
         // The index of a position in a list of raycl is not the index in the file, so errors name only the mesh.
         let invalid =
             |position: &DVec3| origin::invalid(&format!("a vertex of mesh {}", index.value()), position);
+        let is_new = self.counted.insert((index.value(), None));
+        let is_new_with_skin =
+            skin.is_some_and(|skin| self.counted.insert((index.value(), Some(skin.value()))));
         for primitive in &mesh.primitives {
             let has_targets = primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty());
-            self.left_out.targets += usize::from(has_targets);
+            self.left_out.targets += usize::from(is_new && has_targets);
             let map = primitive.material.and_then(|index| self.maps.get(index.value()).copied().flatten());
             let joints = skin.and_then(|index| self.skins.get(&index.value()));
             match Part::read(&self.numbers, primitive, map.map(|map| map.set), joints.is_some())? {
@@ -147,11 +157,18 @@ impl<'a> Walk<'a> {
                     let transform = if part.is_placed { DMat4::IDENTITY } else { transform };
                     let material = primitive.material.and_then(|index| self.numbers.root.get(index));
                     let is_clear = part.is_clear && material.is_some_and(uses_alpha);
-                    self.left_out.clear_colours += usize::from(is_clear);
-                    self.left_out.add(&part);
-                    self.add(part, map, transform)?;
+                    if is_new {
+                        self.left_out.clear_colours += usize::from(is_clear);
+                        self.outside += part.outside;
+                        self.left_out.add(&part);
+                    }
+                    if is_new_with_skin {
+                        self.left_out.add_skinned(&part);
+                    }
+                    self.add(part, map, transform, is_new)?;
                 }
-                None => self.left_out.lines_and_points += 1,
+                None if is_new => self.left_out.add_undrawn(primitive),
+                None => {}
             }
         }
         match self.positions[first..].iter().find(|position| !origin::is_valid(position)) {
@@ -160,7 +177,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn add(&mut self, part: Part, map: Option<ColourMap>, transform: DMat4) -> Parsed<()> {
+    /// Adds a part of a mesh. `is_new` is true if no other node has placed the mesh so far.
+    fn add(&mut self, part: Part, map: Option<ColourMap>, transform: DMat4, is_new: bool) -> Parsed<()> {
         let first = self.positions.len() as u32;
         let first_normal = self.normals.len() as u32;
         if self.triangles.len() + part.triangles.len() > MAX_TRIANGLES as usize {
@@ -173,7 +191,6 @@ impl<'a> Walk<'a> {
         let across = normal_matrix(linear);
         self.normals.extend(part.normals.iter().map(|n| (across * *n).normalize_or_zero().as_vec3()));
         self.coloured += part.coloured;
-        self.outside += part.outside;
         self.colours.extend_from_slice(&part.colours);
         self.colours.resize(self.positions.len(), Vec3::ONE);
         let mirrored = linear.determinant() < 0.0;
@@ -185,22 +202,23 @@ impl<'a> Walk<'a> {
             Triangle { positions: corners.map(|i| i + first), normals, material: part.material }
         }));
         if self.has_maps {
-            self.add_texture_coordinates(&part, map, mirrored);
+            let coarse = self.add_texture_coordinates(&part, map, mirrored);
+            self.left_out.coarse += if is_new { coarse } else { 0 };
         }
         Ok(())
     }
 
     /// Adds the texture coordinates of a part's triangles. If the part is mirrored, the second and the third
-    /// corner of each triangle are swapped.
-    fn add_texture_coordinates(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) {
-        let Self { mapped, unmapped, left_out: LeftOut { coarse, .. }, .. } = self;
-        let first = mapped.len();
+    /// corner of each triangle are swapped. Returns the number of triangles whose coordinates are inexact.
+    fn add_texture_coordinates(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) -> usize {
+        let Self { mapped, unmapped, .. } = self;
+        let (first, mut coarse) = (mapped.len(), 0);
         mapped.extend(part.triangles.iter().enumerate().map(|(number, corners)| {
             let Some(map) = map else { return Mapped::NONE };
             let mapped = || {
                 let [a, b, c] = corners.map(|corner| part.coordinates[corner as usize]);
                 let row = finite(map.mapped(if mirrored { [a, c, b] } else { [a, b, c] }));
-                row.inspect(|_| *coarse += usize::from(map.is_coarse([a, b, c])))
+                row.inspect(|_| coarse += usize::from(map.is_coarse([a, b, c])))
             };
             let row = (!part.coordinates.is_empty()).then(mapped).flatten();
             row.unwrap_or_else(|| {
@@ -208,11 +226,13 @@ impl<'a> Walk<'a> {
                 Mapped::NONE
             })
         }));
+        coarse
     }
 
     /// Adds the camera of a node. The camera looks along the node's -z axis. A camera that is not a perspective camera,
     /// or whose directions the node's transform makes zero or parallel, is counted but not added. A camera with an
-    /// impossible field of view is counted, and gets a field of view of 45 degrees.
+    /// impossible field of view is counted, and gets a field of view of 45 degrees. A camera with an impossible znear is
+    /// counted, and gets a znear of 0.
     fn add_camera(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =
@@ -233,15 +253,16 @@ impl<'a> Walk<'a> {
         let degrees = if valid { degrees } else { 45.0 };
         let looking = Camera::looking_at(Vec3::ZERO, ahead.as_vec3(), up.as_vec3(), degrees, true);
         self.left_out.flat_cameras += usize::from(looking.is_none());
-        let z_near = if lens.znear.is_finite() { lens.znear.max(0.0) } else { 0.0 };
-        self.cameras.extend(looking.map(|looking| (position, Camera { z_near, ..looking }, lens.zfar)));
+        let is_odd_near = !lens.znear.is_finite() || lens.znear < 0.0;
+        self.left_out.odd_nears += usize::from(is_odd_near && looking.is_some());
+        let z_near = if is_odd_near { 0.0 } else { lens.znear };
+        self.cameras.extend(looking.map(|looking| (position, Camera { z_near, ..looking }, lens)));
         Ok(())
     }
 
     /// Adds the light of a node. A directional light shines along the node's -z axis.
     fn add_light(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
-        let named = node.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
-        let Some(index) = named.map(|named| named.light) else { return Ok(()) };
+        let Some(index) = light_of(node) else { return Ok(()) };
         let lights = self
             .numbers
             .root
@@ -267,7 +288,9 @@ impl<'a> Walk<'a> {
         let position = transform.transform_point3(DVec3::ZERO);
         self.lights.push(match light.type_ {
             Checked::Valid(punctual::Type::Directional) => {
-                FileLight::direction(transform.transform_vector3(DVec3::NEG_Z), strength)
+                let direction = transform.transform_vector3(DVec3::NEG_Z);
+                self.left_out.flat_lights += usize::from(direction.try_normalize().is_none());
+                FileLight::direction(direction, strength)
             }
             other => {
                 self.left_out.spots += usize::from(other == Checked::Valid(punctual::Type::Spot));
@@ -292,7 +315,7 @@ impl<'a> Walk<'a> {
         let mut notes = Vec::new();
         let cameras = self.cameras.len();
         notes.extend((cameras > 1).then(|| format!("of {cameras} cameras, the first is used")));
-        if let Some((eye, camera, far)) = self.cameras.first() {
+        if let Some((eye, camera, lens)) = self.cameras.first() {
             let depth = |position: &DVec3| (*position - *eye).dot(camera.forward.as_dvec3());
             let corners =
                 |triangle: &Triangle| triangle.positions.map(|index| self.positions[index as usize]);
@@ -302,7 +325,11 @@ impl<'a> Walk<'a> {
                 "the file's camera sees no part of the mesh: --azimuth 31 uses raycl's own camera instead";
             notes.extend((!is_beyond(camera.z_near)).then(|| unseen.to_owned()));
             let note = |far| format!("the camera's zfar of {far} is not used: surfaces beyond it are drawn");
-            notes.extend(far.filter(|far| is_beyond(*far)).map(note));
+            notes.extend(lens.zfar.filter(|far| is_beyond(*far)).map(note));
+            let note = |ratio| {
+                format!("the camera's aspectRatio of {ratio} is not used: the picture's size decides")
+            };
+            notes.extend(lens.aspect_ratio.map(note));
         }
         notes
     }
@@ -350,6 +377,11 @@ impl<'a> Walk<'a> {
             ..MeshFile::default()
         })
     }
+}
+
+/// Returns the index of a node's light; `None` if the node has none.
+fn light_of(node: &Node) -> Option<Index<punctual::Light>> {
+    node.extensions.as_ref()?.khr_lights_punctual.as_ref().map(|named| named.light)
 }
 
 /// Returns the mesh of each node in `placed` that has a mesh. If no node has a mesh, returns all meshes of

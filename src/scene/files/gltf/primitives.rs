@@ -3,7 +3,7 @@
 use super::Parsed;
 use super::accessors::Numbers;
 use super::materials::white;
-use super::skins::{Influences, Skin};
+use super::skins::{Influences, OddVertices, Skin};
 use crate::scene::files::colours::is_outside;
 use glam::{DVec3, Vec3};
 use gltf::json::accessor::Accessor;
@@ -35,16 +35,18 @@ pub(super) struct Part {
     /// The index of the material in `Materials::list`: the file's materials begin at 1. A part without a
     /// material has the index 0 or, if the part has colours, the index that [`white`] returns.
     pub material: u32,
-    /// Number of the primitive's accessors that store nothing, so that all their elements are zero.
-    pub empty: usize,
+    /// The primitive's accessors that store nothing, so that all their elements are zero.
+    pub empty: Vec<usize>,
+    /// True if the list of indices asks for normalised numbers, which glTF does not allow for indices.
+    pub has_normalised_indices: bool,
     /// Number of triangles that were left out, since they name a position that does not exist.
     pub dangling: usize,
     /// Number of corners after the last whole triangle.
     pub spare: usize,
     /// Number of texture coordinates that are not finite.
     pub odd_coordinates: usize,
-    /// Number of vertices with joints or weights that are not valid.
-    pub odd_influences: usize,
+    /// Vertices with odd joints or weights.
+    pub odd_vertices: OddVertices,
     /// Number of sets of joints without weights, and of sets of weights without joints, of a part with a skin.
     pub unpaired: usize,
 }
@@ -100,9 +102,9 @@ impl Used {
         single.into_iter().flatten().chain(self.influences.iter().flatten().copied())
     }
 
-    /// Returns the number of these accessors that store nothing.
-    fn empty(&self, numbers: &Numbers<'_>) -> usize {
-        self.all().filter(|index| numbers.is_empty(*index)).count()
+    /// Returns those of these accessors that store nothing.
+    fn empty(&self, numbers: &Numbers<'_>) -> Vec<usize> {
+        self.all().filter(|index| numbers.is_empty(*index)).map(|index| index.value()).collect()
     }
 }
 
@@ -133,12 +135,12 @@ impl Part {
         let odd_coordinates =
             coordinates.iter().filter(|pair| !pair.iter().all(|value| value.is_finite())).count();
         let counts = [
-            ("normals", normals.len()),
-            ("colours", colours.len()),
-            ("texture coordinates", coordinates.len()),
+            ("normals", used.normals, normals.len()),
+            ("colours", used.colours, colours.len()),
+            ("texture coordinates", used.coordinates, coordinates.len()),
         ];
-        for (what, count) in counts {
-            if count != 0 && count != positions.len() {
+        for (what, list, count) in counts {
+            if list.is_some() && count != positions.len() {
                 return Err(format!("{count} {what} for {} positions", positions.len()));
             }
         }
@@ -161,10 +163,11 @@ impl Part {
             is_placed: false,
             material,
             empty,
+            has_normalised_indices: used.indices.is_some_and(|index| numbers.is_normalised(index)),
             dangling,
             spare: spare(mode, indices.len()),
             odd_coordinates,
-            odd_influences: 0,
+            odd_vertices: OddVertices::default(),
             unpaired: used.unpaired,
         };
         let mut part = part.compact();
@@ -229,7 +232,7 @@ impl Part {
         self.is_placed = !sets.is_empty();
         if self.is_placed {
             let Self { positions, normals, triangles, .. } = &mut self;
-            self.odd_influences = skin.place(&sets, positions, normals, triangles);
+            self.odd_vertices = skin.place(&sets, positions, normals, triangles);
         }
         self
     }

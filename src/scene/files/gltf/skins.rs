@@ -3,12 +3,12 @@
 
 use super::Parsed;
 use super::accessors::Numbers;
-use super::transforms::{PlacedNode, normal_matrix, worlds};
+use super::transforms::{PlacedNode, affine, is_affine, normal_matrix, worlds};
 use glam::{DMat3, DMat4, DVec3};
 use gltf::json::accessor::Accessor;
 use gltf::json::{Index, skin};
-use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::collections::{BTreeSet, HashMap};
 
 /// A skin whose joints have the transforms that the file's nodes have without animations.
 pub(super) struct Skin {
@@ -26,12 +26,27 @@ pub(super) struct Influences {
     pub weights: Vec<[f64; 4]>,
 }
 
+/// The sum of a vertex's weights differs from 1 by at most this if the weights were rounded to 8 bits.
+const ROUNDED: f64 = 0.02;
+
+/// The numbers of a part's vertices with odd joints or weights.
+#[derive(Default)]
+pub(super) struct OddVertices {
+    /// The number of vertices with joints or weights that are not valid.
+    pub influences: usize,
+    /// The number of other vertices whose weights have another sum than 1.
+    pub sums: usize,
+}
+
 /// The skins of the nodes of a scene.
 pub(super) struct Skins {
     /// The skins by their indices in the file, without the skins that have no valid joints.
     pub list: HashMap<usize, Skin>,
-    /// The number of their lists of inverse bind matrices that store nothing, so that all matrices are zero.
-    pub empty: usize,
+    /// The accessors of their lists of inverse bind matrices that store nothing, so that all matrices are zero.
+    pub empty: BTreeSet<usize>,
+    /// The number of inverse bind matrices whose last row is not 0 0 0 1. Matrices that are not finite, and lists that
+    /// store nothing, do not count.
+    pub rows: usize,
 }
 
 /// Reads the skins of the nodes `placed`.
@@ -52,9 +67,13 @@ pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<Sk
         let first = joints.iter().flatten().next().copied();
         skins.insert(index.value(), first.map(|first| Skin { joints, first }));
     }
+    let is_empty = |index: &usize| numbers.is_empty(Index::new(*index as u32));
+    let (empty, stored): (Vec<_>, Vec<_>) = matrices.into_iter().partition(|(index, _)| is_empty(index));
+    let stored = stored.iter().flat_map(|(_, list)| list).map(DMat4::from_cols_array);
     Ok(Skins {
         list: skins.into_iter().filter_map(|(index, skin)| Some((index, skin?))).collect(),
-        empty: matrices.keys().filter(|index| numbers.is_empty(Index::new(**index as u32))).count(),
+        empty: empty.into_iter().map(|(index, _)| index).collect(),
+        rows: stored.filter(|matrix| matrix.is_finite() && !is_affine(matrix)).count(),
     })
 }
 
@@ -75,7 +94,7 @@ fn joints(
         None => None,
     };
     let inverse = |number: usize| match inverses {
-        Some(inverses) => inverses.get(number).map(DMat4::from_cols_array),
+        Some(inverses) => inverses.get(number).map(DMat4::from_cols_array).map(affine),
         None => Some(DMat4::IDENTITY),
     };
     let joint = |(number, node): (usize, &Index<_>)| {
@@ -111,18 +130,17 @@ impl Influences {
 
 impl Skin {
     /// Moves vertices from the mesh's coordinates to the scene's coordinates, and swaps two corners of each mirrored
-    /// triangle. `normals` may be empty. Returns the number of vertices with joints or weights that are not valid.
+    /// triangle. `normals` may be empty.
     pub fn place(
         &self,
         sets: &[Influences],
         positions: &mut [DVec3],
         normals: &mut [DVec3],
         triangles: &mut [[u32; 3]],
-    ) -> usize {
-        let (mut odd, mut is_mirrored) = (0, Vec::with_capacity(positions.len()));
+    ) -> OddVertices {
+        let (mut odd, mut is_mirrored) = (OddVertices::default(), Vec::with_capacity(positions.len()));
         for (vertex, position) in positions.iter_mut().enumerate() {
-            let (transform, is_odd) = self.blended(sets, vertex);
-            odd += usize::from(is_odd);
+            let transform = self.blended(sets, vertex, &mut odd);
             *position = transform.transform_point3(*position);
             let linear = DMat3::from_mat4(transform);
             is_mirrored.push(linear.determinant() < 0.0);
@@ -139,11 +157,10 @@ impl Skin {
         odd
     }
 
-    /// Returns the mean of the transforms of a vertex's joints, weighted by the joints' weights, and true if some of
-    /// the vertex's joints or weights are not valid. Joints that do not exist or have no transform, and weights that
-    /// are negative or not finite, do not count. If nothing remains, the result is the transform of the skin's first
-    /// valid joint, and true.
-    fn blended(&self, sets: &[Influences], vertex: usize) -> (DMat4, bool) {
+    /// Returns the mean of the transforms of a vertex's joints, weighted by the joints' weights. Joints that do not exist
+    /// or have no transform, and weights that are negative or not finite, do not count. If nothing remains, the result
+    /// is the transform of the skin's first valid joint. The vertex is counted in `odd` if it is odd.
+    fn blended(&self, sets: &[Influences], vertex: usize, odd: &mut OddVertices) -> DMat4 {
         let (mut sum, mut total, mut is_odd) = (DMat4::ZERO, 0.0, false);
         for (joint, weight) in sets.iter().flat_map(|set| set.of(vertex)).filter(|(_, weight)| *weight != 0.0)
         {
@@ -155,7 +172,10 @@ impl Skin {
                 None => is_odd = true,
             }
         }
-        if total > 0.0 { (sum * total.recip(), is_odd) } else { (self.first, true) }
+        let is_odd = is_odd || total <= 0.0;
+        odd.influences += usize::from(is_odd);
+        odd.sums += usize::from(!is_odd && (total - 1.0).abs() > ROUNDED);
+        if total > 0.0 { sum * total.recip() } else { self.first }
     }
 
     fn joint(&self, index: f64) -> Option<&DMat4> {

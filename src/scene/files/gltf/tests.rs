@@ -1,5 +1,6 @@
 //! Tests with small valid and invalid glTF files.
 
+mod noted;
 mod skins;
 mod textures;
 
@@ -399,7 +400,7 @@ fn words_of_a_file_of_others_are_in_no_error_and_no_note() {
         (
             "\"2.0\"},\n\"scenes\": [",
             "\"secret\"},\n\"scenes\": [7, ",
-            "glTF of this version; expected a version that begins with 2",
+            "glTF of this version; expected version 2.0 or another 2.x",
         ),
         (r#""mesh": 0"#, r#""mesh": "secret""#, "a.gltf:3: not valid glTF 2.0"),
         (r#""mesh": 0"#, r#""mesh": 7"#, "a.gltf: node 0: mesh 7 does not exist"),
@@ -509,8 +510,10 @@ fn triangles_with_positions_that_do_not_exist_are_left_out() {
         .replace(r#""indices": 1"#, r#""indices": 1, "mode": 5"#)
         .replace(r#""count": 3, "type": "SCALAR""#, r#""count": 4, "type": "SCALAR""#);
     let data = STANDARD.encode([&bytes()[..], &9_u16.to_le_bytes()].concat());
-    let two =
-        two.replace(&STANDARD.encode(bytes()), &data).replace(r#""byteLength": 6"#, r#""byteLength": 8"#);
+    let two = two
+        .replace(&STANDARD.encode(bytes()), &data)
+        .replace(r#""byteLength": 42"#, r#""byteLength": 44"#)
+        .replace(r#""byteLength": 6"#, r#""byteLength": 8"#);
     let file = read(&two).unwrap();
     assert_eq!(file.mesh.triangles.len(), 1);
     assert_eq!(file.notes, ["1 triangle with a position that does not exist is left out"]);
@@ -591,6 +594,21 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         ("\"type\": \"VEC3\"", "\"type\": \"VEC2\"", "have 2 numbers; expected 3"),
         ("\"componentType\": 5126", "\"componentType\": 5125", "accessor 0: its componentType is 5125"),
         ("\"componentType\": 5123", "\"componentType\": 5126", "accessor 1: its componentType is 5126"),
+        (
+            "\"componentType\": 5123",
+            "\"componentType\": 5122",
+            "accessor 1: its componentType is 5122 (short)",
+        ),
+        (
+            "\"componentType\": 5123",
+            "\"componentType\": 5120",
+            "accessor 1: its componentType is 5120 (byte)",
+        ),
+        (
+            "\"scenes\"",
+            "\"nodes\": [],\n\"scenes\"",
+            "a.gltf:4: the key `nodes` occurs twice in the same object",
+        ),
         ("\"buffer\": 0, \"byteLength\": 36", "\"buffer\": 3, \"byteLength\": 36", "buffer 3 does not exist"),
         ("\"byteOffset\": 36", "\"byteOffset\": 18446744073709551615", "its buffer view holds 0"),
         ("\"nodes\": [0]}", "\"nodes\": [0, 0]}", "node 0 occurs twice in the scene; expected once"),
@@ -604,7 +622,7 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         let error = read(&text).err();
         let remedy = error.as_ref().map(|error| error.remedy().to_owned()).unwrap_or_default();
         let actual = error.map(|error| error.to_string()).unwrap_or_default();
-        let is_twice = message.contains("occurs twice");
+        let is_twice = message.contains("occurs twice in the scene");
         assert_eq!(remedy.contains("at most one parent"), is_twice, "{actual}: {remedy}");
         let version = to.contains("1.0");
         assert!(version || actual.contains(message), "{from} -> {to}: {actual}");
@@ -792,6 +810,7 @@ fn four_indices() -> String {
     triangle()
         .replace(r#""count": 3, "type": "SCALAR""#, r#""count": 4, "type": "SCALAR""#)
         .replace(&STANDARD.encode(bytes()), &STANDARD.encode([&bytes()[..], &[1, 0]].concat()))
+        .replace(r#""byteLength": 42"#, r#""byteLength": 44"#)
         .replace(r#""byteLength": 6"#, r#""byteLength": 8"#)
 }
 

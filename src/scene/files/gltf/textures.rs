@@ -10,7 +10,7 @@ use crate::scene::obj::{Reach, quoted_name};
 use crate::scene::{Mapped, Material, Wrap};
 use glam::{DAffine2, DVec2};
 use gltf::json::material::Material as Wire;
-use gltf::json::texture::{Info, MagFilter, Sampler, Texture, WrappingMode};
+use gltf::json::texture::{Info, MagFilter, MinFilter, Sampler, Texture, WrappingMode};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, image::Image};
 use std::borrow::Cow;
@@ -178,8 +178,8 @@ fn sampler_of<'a>(root: &'a Root, texture: &Texture) -> Option<&'a Sampler> {
     root.get(texture.sampler?)
 }
 
-/// Returns the unsupported options in the samplers of a material's colour texture and its emissive texture:
-/// hard edges between texels, and wrap modes that glTF does not define.
+/// Returns the unsupported options in the samplers of a material's colour texture and its emissive texture: hard edges
+/// between texels, no mip levels, filters and wrap modes that glTF does not define, and samplers that do not exist.
 pub(super) fn unsupported_options(root: &Root, wire: &Wire) -> impl Iterator<Item = &'static str> {
     let all = [colour_texture(wire), emissive_texture(root, wire)];
     let mut options: Vec<_> =
@@ -190,17 +190,29 @@ pub(super) fn unsupported_options(root: &Root, wire: &Wire) -> impl Iterator<Ite
 }
 
 fn sampler_options(root: &Root, info: Info) -> impl Iterator<Item = &'static str> + use<> {
-    let sampler = root.get(info.index).and_then(|texture| sampler_of(root, texture));
-    let options = sampler.map(|sampler| {
-        let is_hard = matches!(sampler.mag_filter, Some(Checked::Valid(MagFilter::Nearest)));
-        let is_unknown = |wrap| matches!(wrap, Checked::Invalid);
-        [
-            (is_hard, "magFilter NEAREST"),
-            (is_unknown(sampler.wrap_s), "unknown wrapS"),
-            (is_unknown(sampler.wrap_t), "unknown wrapT"),
-        ]
-    });
-    options.into_iter().flatten().filter(|(is_asked, _)| *is_asked).map(|(_, option)| option)
+    let texture = root.get(info.index);
+    let sampler = texture.and_then(|texture| sampler_of(root, texture));
+    let is_missing = texture.is_some_and(|texture| texture.sampler.is_some()) && sampler.is_none();
+    let of_sampler = |sampler: &Sampler| {
+        let filters = [
+            match sampler.mag_filter {
+                Some(Checked::Valid(MagFilter::Nearest)) => Some("magFilter NEAREST"),
+                Some(Checked::Invalid) => Some("unknown magFilter"),
+                _ => None,
+            },
+            match sampler.min_filter {
+                Some(Checked::Valid(MinFilter::Nearest)) => Some("minFilter NEAREST"),
+                Some(Checked::Valid(MinFilter::Linear)) => Some("minFilter LINEAR"),
+                Some(Checked::Invalid) => Some("unknown minFilter"),
+                _ => None,
+            },
+        ];
+        let unknown = |wrap, option| matches!(wrap, Checked::Invalid).then_some(option);
+        let wraps = [unknown(sampler.wrap_s, "unknown wrapS"), unknown(sampler.wrap_t, "unknown wrapT")];
+        filters.into_iter().chain(wraps).flatten()
+    };
+    let missing = is_missing.then_some("a sampler that does not exist");
+    missing.into_iter().chain(sampler.map(of_sampler).into_iter().flatten())
 }
 
 /// Returns the texture of a material's colour; `None` if there is none. A material with the older extension
@@ -239,12 +251,18 @@ fn vector(coordinate: [f32; 2]) -> DVec2 {
     DVec2::from_array(coordinate.map(f64::from))
 }
 
-/// Returns the transform that the extension KHR_texture_transform states, or the identity. Also returns the
-/// index of the texture's set of texture coordinates; the extension may state another index than the texture.
+/// The extension that transforms texture coordinates.
+pub(super) const TRANSFORM: &str = "KHR_texture_transform";
+
+/// Returns the extension [`TRANSFORM`] of a texture.
+pub(super) fn texture_extension(info: &Info) -> Option<&serde_json::Value> {
+    info.extensions.as_ref().and_then(|extensions| extensions.others.get(TRANSFORM))
+}
+
+/// Returns the transform that the extension [`TRANSFORM`] states, or the identity. Also returns the index of the
+/// texture's set of texture coordinates; the extension may state another index than the texture.
 fn transform(info: &Info) -> (DAffine2, u32) {
-    let named =
-        info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
-    let Some(named) = named else { return (DAffine2::IDENTITY, info.tex_coord) };
+    let Some(named) = texture_extension(info) else { return (DAffine2::IDENTITY, info.tex_coord) };
     let pair = |key: &str, usual: f64| {
         let value = |at: usize| named[key][at].as_f64().unwrap_or(usual);
         DVec2::new(value(0), value(1))

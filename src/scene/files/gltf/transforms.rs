@@ -1,8 +1,8 @@
 //! Computes the transforms of the nodes of a glTF file.
 
 use super::Flaw;
-use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
-use gltf::json::scene::Node;
+use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Vec3};
+use gltf::json::scene::{Node, Scene};
 use gltf::json::{Index, Root};
 
 /// The remedy for a node that occurs in several places of the scene.
@@ -12,11 +12,15 @@ const ONE_PARENT: &str = "glTF allows a node at most one parent: export the scen
 /// A node of the scene, and the transform from the node's coordinates to the scene's coordinates.
 pub(super) type PlacedNode = (Index<Node>, DMat4);
 
-/// Returns the nodes of the file's default scene or, if this scene does not exist, of the first scene. If the
-/// file has no scene, returns the nodes without a parent and their descendants. A parent comes before its
-/// children.
+/// Returns the file's default scene or, if this scene does not exist, the first scene.
+pub(super) fn shown_scene(root: &Root) -> Option<&Scene> {
+    root.scene.and_then(|scene| root.get(scene)).or(root.scenes.first())
+}
+
+/// Returns the nodes of the shown scene. If the file has no scene, returns the nodes without a parent and their
+/// descendants, which must be all nodes of the file. A parent comes before its children.
 pub(super) fn placed(root: &Root) -> Result<Vec<PlacedNode>, Flaw> {
-    let scene = root.scene.and_then(|scene| root.get(scene)).or(root.scenes.first());
+    let scene = shown_scene(root);
     let mut next: Vec<PlacedNode> = match scene {
         Some(scene) => scene.nodes.iter().map(|node| (*node, DMat4::IDENTITY)).collect(),
         None => roots(root).map(|node| (node, DMat4::IDENTITY)).collect(),
@@ -39,7 +43,12 @@ pub(super) fn placed(root: &Root) -> Result<Vec<PlacedNode>, Flaw> {
         placed.push((index, transform));
         next.extend(node.children.iter().flatten().rev().map(|child| (*child, transform)));
     }
-    Ok(placed)
+    match visited.iter().position(|is_visited| !is_visited) {
+        Some(number) if scene.is_none() => {
+            Err(format!("node {number} descends from a node that descends from itself").into())
+        }
+        _ => Ok(placed),
+    }
 }
 
 /// Returns the transform of every node of the file to the coordinates of the scene, by the node's index. `placed` has
@@ -61,23 +70,37 @@ pub(super) fn worlds(root: &Root, placed: &[PlacedNode]) -> Vec<Option<DMat4>> {
 }
 
 fn roots(root: &Root) -> impl Iterator<Item = Index<Node>> {
-    let mut is_child = vec![false; root.nodes.len()];
+    let nodes = has_parent(root).into_iter().enumerate();
+    nodes.filter(|(_, has_parent)| !has_parent).map(|(number, _)| Index::new(number as u32))
+}
+
+/// Returns, for each node of the file, whether it is a child of a node.
+pub(super) fn has_parent(root: &Root) -> Vec<bool> {
+    let mut has_parent = vec![false; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
-        if let Some(known) = is_child.get_mut(child.value()) {
+        if let Some(known) = has_parent.get_mut(child.value()) {
             *known = true;
         }
     }
-    is_child
-        .into_iter()
-        .enumerate()
-        .filter(|(_, is_child)| !is_child)
-        .map(|(number, _)| Index::new(number as u32))
+    has_parent
+}
+
+/// Returns true if the last row of a matrix is 0 0 0 1, except for rounding.
+pub(super) fn is_affine(matrix: &DMat4) -> bool {
+    matrix.row(3).abs_diff_eq(DVec4::W, 1e-6)
+}
+
+/// Returns the matrix with the last row 0 0 0 1.
+pub(super) fn affine(mut matrix: DMat4) -> DMat4 {
+    let DMat4 { x_axis, y_axis, z_axis, w_axis } = &mut matrix;
+    (x_axis.w, y_axis.w, z_axis.w, w_axis.w) = (0.0, 0.0, 0.0, 1.0);
+    matrix
 }
 
 /// Returns the transform from a node's coordinates to the coordinates of its parent.
 fn local(node: &Node) -> DMat4 {
     if let Some(matrix) = node.matrix {
-        return DMat4::from_cols_array(&matrix.map(f64::from));
+        return affine(DMat4::from_cols_array(&matrix.map(f64::from)));
     }
     let vector =
         |values: Option<[f32; 3]>, default| values.map_or(default, |v| Vec3::from_array(v).as_dvec3());

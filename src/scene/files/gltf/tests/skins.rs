@@ -146,13 +146,15 @@ fn weights_of_any_type_count_in_proportion_to_their_sum() {
     let bytes = [255, 0, 0, 0, 127, 127, 0, 0, 255, 0, 0, 0];
     let u8s = r#""componentType": 5121, "normalized": true, "count": 3, "type": "VEC4""#;
     Bar::new().with(WEIGHT, bytes.into(), u8s).assert_shown(PLACED, &[]);
-    Bar::new().with(WEIGHT, bytes.into(), JOINTS).assert_shown(PLACED, &[]);
+    let note =
+        "3 vertices with weights whose sum is not 1 are placed with these weights divided by their sum";
+    Bar::new().with(WEIGHT, bytes.into(), JOINTS).assert_shown(PLACED, &[note]);
     let u16s = r#""componentType": 5123, "normalized": true, "count": 3, "type": "VEC4""#;
     let weights = [65_535_u16, 0, 0, 0, 32_767, 32_767, 0, 0, 65_535, 0, 0, 0];
     let words = |numbers: [u16; 12]| numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
     Bar::new().with(WEIGHT, words(weights), u16s).assert_shown(PLACED, &[]);
     let weights = floats(&[9.0, 0.0, 0.0, 0.0, 3.0, 3.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0]);
-    Bar::new().with(WEIGHT, weights, VEC4).assert_shown(PLACED, &[]);
+    Bar::new().with(WEIGHT, weights, VEC4).assert_shown(PLACED, &[note]);
     let joints = r#""componentType": 5123, "count": 3, "type": "VEC4""#;
     Bar::new().with(JOINT, words([0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0]), joints).assert_shown(PLACED, &[]);
 }
@@ -183,6 +185,29 @@ fn inverse_bind_matrices_without_data_are_zeros_and_noted() {
     let bar = bar.and("NORMAL", floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]), VEC3);
     let (_, notes) = bar.shown();
     assert_eq!(notes, ["1 accessor without data is read as zeros"]);
+}
+
+#[test]
+fn the_last_row_of_an_inverse_bind_matrix_is_not_used() {
+    let mut inverses = [Mat4::IDENTITY, Mat4::from_translation(Vec3::NEG_Y)];
+    inverses[1].x_axis.w = 3.0;
+    inverses[1].w_axis.w = 0.5;
+    let inverses = floats(inverses.map(|matrix| matrix.to_cols_array()).as_flattened());
+    let note = "1 joint with an inverse bind matrix whose last row is not 0 0 0 1 is used without this row: expected \
+                the numbers of the matrix by columns";
+    Bar::new().with(INVERSE, inverses, MAT4).assert_shown(PLACED, &[note]);
+}
+
+/// Another node places the same mesh with the same skin.
+#[test]
+fn a_skinned_mesh_that_two_nodes_place_is_noted_once() {
+    let weights = floats(&[9.0, 0.0, 0.0, 0.0, 3.0, 3.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0]);
+    let twice = r#"{"mesh": 0, "skin": 0, "children": [3]}"#;
+    let mut bar = Bar::new().with(WEIGHT, weights, VEC4).replace(r#"{"mesh": 0, "skin": 0}"#, twice);
+    bar.nodes.push_str(r#", {"mesh": 0, "skin": 0}"#);
+    let note =
+        "3 vertices with weights whose sum is not 1 are placed with these weights divided by their sum";
+    bar.assert_shown(PLACED, &[note]);
 }
 
 #[test]

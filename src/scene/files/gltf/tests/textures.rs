@@ -60,6 +60,7 @@ fn a_picture_may_lie_in_a_buffer_behind_other_data() {
     let behind = text
         .replace(&image, r#"{"bufferView": 2, "mimeType": "image/png"}"#)
         .replace(&STANDARD.encode(bytes()), &STANDARD.encode([bytes(), png()].concat()))
+        .replace(r#""byteLength": 42"#, &format!("\"byteLength\": {}", 42 + png().len()))
         .replace(view, &views);
     assert!(!behind.contains("data:image/png"), "{behind}");
     let (file, expected) = (read(&behind).unwrap(), read(&text).unwrap());
@@ -165,7 +166,7 @@ fn a_sampler_says_how_a_texture_goes_on_in_each_direction() {
 }
 
 #[test]
-fn a_sampler_that_asks_for_hard_edges_between_texels_is_noted() {
+fn a_sampler_that_asks_for_another_filter_or_does_not_exist_is_noted() {
     let material = r#"{"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": 0}}}"#;
     let notes = |filter: &str| {
         let samplers = format!(r#""samplers": [{{{filter}}}], "textures": [{{"source": 0, "sampler": 0}}]"#);
@@ -174,9 +175,20 @@ fn a_sampler_that_asks_for_hard_edges_between_texels_is_noted() {
     let expected = "1 material asks for options of textures (magFilter NEAREST), which raycl does not support: \
          they are ignored";
     assert_eq!(notes(r#""magFilter": 9728"#), [expected]);
-    for filter in [r#""magFilter": 9729"#, r#""minFilter": 9728"#] {
+    for (filter, option) in [
+        (r#""magFilter": 1234"#, "unknown magFilter"),
+        (r#""minFilter": 9728"#, "minFilter NEAREST"),
+        (r#""minFilter": 9729"#, "minFilter LINEAR"),
+        (r#""minFilter": 1"#, "unknown minFilter"),
+    ] {
+        assert_eq!(notes(filter), [expected.replace("magFilter NEAREST", option)], "{filter}");
+    }
+    for filter in [r#""magFilter": 9729"#, r#""minFilter": 9987"#] {
         assert_eq!(notes(filter), [""; 0], "{filter}");
     }
+    let missing = r#""samplers": [{}], "textures": [{"source": 0, "sampler": 1}]"#;
+    let missing = read(&textured(material).replace(r#""textures": [{"source": 0}]"#, missing)).unwrap().notes;
+    assert_eq!(missing, [expected.replace("magFilter NEAREST", "a sampler that does not exist")]);
 }
 
 #[test]

@@ -1,0 +1,221 @@
+//! Looks through the whole JSON of a glTF file for three things that the crate `gltf-json` does not report: keys that
+//! occur twice in an object, the names of the extensions that parts of the file have, and names of attributes that glTF
+//! does not define.
+
+use super::{Flaw, Named, Result, quoted};
+use crate::words::{counted_are, first};
+use gltf::json::mesh::Semantic;
+use gltf::json::validation::Checked;
+use serde::Deserialize;
+use serde::de::value::{Error as NoError, StrDeserializer};
+use serde::de::{
+    DeserializeSeed, Deserializer, Error as _, IgnoredAny, IntoDeserializer, MapAccess, SeqAccess, Visitor,
+};
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::{self, Formatter};
+
+/// Largest number of attributes that a note names.
+const MOST_LISTED: usize = 8;
+
+/// The names that the JSON contains.
+#[derive(Default)]
+pub(super) struct Survey {
+    /// The names of the extensions that parts of the file have.
+    pub extensions: BTreeSet<String>,
+    /// The names of attributes that glTF does not define, with the number of primitives that have them. Names that
+    /// begin with `_` are left out, because applications may choose such names.
+    attributes: BTreeMap<String, usize>,
+    /// The first key that occurs twice in the same object.
+    repeated: Option<String>,
+}
+
+impl Survey {
+    /// Looks through `json`. Returns an error if a key occurs twice in an object: then raycl would have to ignore one
+    /// of its values. JSON that is not valid is no error here, because [`super::json::read`] reports it.
+    pub fn of(named: Named<'_>, json: &[u8]) -> Result<Self> {
+        let mut survey = Self::default();
+        let walk = Walk { survey: &mut survey, keys: Keys::Others };
+        let walked = walk.deserialize(&mut serde_json::Deserializer::from_slice(json));
+        match (walked, &survey.repeated) {
+            (Err(error), Some(key)) => {
+                let text = |key: &str| format!("{key} occurs twice in the same object");
+                let quoting = text(&format!("the key {}", quoted(key.as_bytes())));
+                Err(named.error(Flaw::quoting(quoting, text("a key")).at(error.line())))
+            }
+            _ => Ok(survey),
+        }
+    }
+
+    /// Returns a note on attributes with names that glTF does not define. The note contains these names only if
+    /// `quotes` is true.
+    pub fn note_attributes(&self, quotes: bool) -> Option<String> {
+        let count = self.attributes.values().sum();
+        let names: Vec<_> = self.attributes.keys().map(|name| quoted(name.as_bytes())).collect();
+        let listed = if quotes { format!(": {}", first(&names, MOST_LISTED)) } else { String::new() };
+        let attributes = counted_are(count, "attribute with a name that glTF does not define");
+        (count > 0).then(|| format!("{attributes} ignored{listed}"))
+    }
+}
+
+/// A key of an object. The key is only copied if it contains escapes.
+#[derive(Clone, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+struct Key<'a>(#[serde(borrow)] Cow<'a, str>);
+
+/// The meaning of the keys of an object.
+#[derive(Clone, Copy, PartialEq)]
+enum Keys {
+    /// The keys are names of extensions.
+    Extensions,
+    /// The keys are names of a primitive's attributes.
+    Attributes,
+    Others,
+}
+
+/// Looks through a value and all values in it. `keys` is the meaning of the value's keys if it is an object.
+struct Walk<'s> {
+    survey: &'s mut Survey,
+    keys: Keys,
+}
+
+impl Walk<'_> {
+    /// Adds the key of an object, which is the first with this name in the object.
+    fn add(&mut self, key: &str) {
+        match self.keys {
+            Keys::Extensions if !self.survey.extensions.contains(key) => {
+                self.survey.extensions.insert(key.to_owned());
+            }
+            Keys::Attributes if !key.starts_with('_') && !is_attribute(key) => {
+                *self.survey.attributes.entry(key.to_owned()).or_default() += 1;
+            }
+            _ => {}
+        }
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for Walk<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, value: D) -> std::result::Result<(), D::Error> {
+        value.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Walk<'_> {
+    type Value = ();
+
+    fn expecting(&self, text: &mut Formatter<'_>) -> fmt::Result {
+        text.write_str("any value")
+    }
+
+    fn visit_unit<E>(self) -> std::result::Result<(), E> {
+        Ok(())
+    }
+
+    fn visit_bool<E>(self, _: bool) -> std::result::Result<(), E> {
+        Ok(())
+    }
+
+    fn visit_u64<E>(self, _: u64) -> std::result::Result<(), E> {
+        Ok(())
+    }
+
+    fn visit_i64<E>(self, _: i64) -> std::result::Result<(), E> {
+        Ok(())
+    }
+
+    fn visit_f64<E>(self, _: f64) -> std::result::Result<(), E> {
+        Ok(())
+    }
+
+    fn visit_str<E>(self, _: &str) -> std::result::Result<(), E> {
+        Ok(())
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> std::result::Result<(), A::Error> {
+        while list.next_element_seed(Walk { survey: self.survey, keys: Keys::Others })?.is_some() {}
+        Ok(())
+    }
+
+    fn visit_map<A: MapAccess<'de>>(mut self, mut object: A) -> std::result::Result<(), A::Error> {
+        let mut known = BTreeSet::new();
+        while let Some(key) = object.next_key::<Key<'de>>()? {
+            if !known.insert(key.clone()) {
+                self.survey.repeated = Some(key.0.into_owned());
+                return Err(A::Error::custom("a key occurs twice"));
+            }
+            self.add(&key.0);
+            let keys = match &*key.0 {
+                "extensions" => Keys::Extensions,
+                "attributes" if self.keys == Keys::Others => Keys::Attributes,
+                _ => Keys::Others,
+            };
+            match &*key.0 {
+                // Applications may store anything in `extras`. A `uri` may be long, and contains no key.
+                "extras" | "uri" => object.next_value::<IgnoredAny>().map(|_| ())?,
+                _ => object.next_value_seed(Walk { survey: self.survey, keys })?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns true if glTF defines an attribute with this name.
+fn is_attribute(name: &str) -> bool {
+    let name: StrDeserializer<'_, NoError> = name.into_deserializer();
+    matches!(Checked::<Semantic>::deserialize(name), Ok(Checked::Valid(_)))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    fn survey(json: &str) -> Result<Survey> {
+        Survey::of(Named { name: "a.gltf", quotes: true }, json.as_bytes())
+    }
+
+    #[test]
+    fn a_key_that_occurs_twice_in_an_object_is_refused_wherever_the_object_is() {
+        for (json, key) in [
+            (r#"{"nodes": [], "nodes": []}"#, "nodes"),
+            ("{\"nodes\": [{\"scale\": 1,\n\"scale\": 1}]}", "scale"),
+            (r#"{"attributes": {"POSITION": 0, "POSITION": 3}}"#, "POSITION"),
+            (r#"{"extensions": {"KHR_a": {"scale": 1, "sc\u0061le": 1}}}"#, "scale"),
+        ] {
+            let error = survey(json).err().unwrap().to_string();
+            let line = 1 + json.matches('\n').count();
+            assert_eq!(error, format!("a.gltf:{line}: the key `{key}` occurs twice in the same object"));
+        }
+        let others = Survey::of(Named { name: "a.gltf", quotes: false }, br#"{"secret": 1, "secret": 2}"#);
+        assert_eq!(others.err().unwrap().to_string(), "a.gltf:1: a key occurs twice in the same object");
+        for valid in
+            [r#"[{"a": {"a": 0}}, {"a": null}]"#, r#"{"extras": {"a": 1, "a": 2}}"#, "{", "{\"a\": 1,"]
+        {
+            assert!(survey(valid).is_ok(), "{valid}");
+        }
+    }
+
+    #[test]
+    fn extensions_are_found_in_all_objects_but_not_in_extras() {
+        let json = r#"{"extensions": {"A": {"extensions": {"B": {}}}}, "nodes": [{"extensions": {"C": 1, "A": 2}}],
+"extras": {"extensions": {"D": {}}}, "extensionsUsed": ["E"]}"#;
+        let names: Vec<_> = survey(json).unwrap().extensions.into_iter().collect();
+        assert_eq!(names, ["A", "B", "C"]);
+    }
+
+    #[test]
+    fn attributes_are_noted_if_neither_gltf_nor_an_application_defines_them() {
+        let note = |names: &[&str], quotes| {
+            let keys = names.iter().map(|name| format!("\"{name}\": 0")).collect::<Vec<_>>().join(", ");
+            let primitives = format!("[{{\"attributes\": {{{keys}}}}}, {{\"attributes\": {{{keys}}}}}]");
+            survey(&format!("{{\"meshes\": [{{\"primitives\": {primitives}}}]}}"))
+                .unwrap()
+                .note_attributes(quotes)
+        };
+        assert_eq!(note(&["POSITION", "COLOR_7", "TANGENT", "_COLOR"], true), None);
+        let expected = "4 attributes with a name that glTF does not define are ignored";
+        assert_eq!(note(&["COLOR", "Normal"], true), Some(format!("{expected}: `COLOR`, `Normal`")));
+        assert_eq!(note(&["COLOR", "Normal"], false), Some(expected.to_owned()));
+    }
+}

@@ -1,0 +1,192 @@
+//! Tests that raycl ignores or replaces nothing of a file without a note.
+
+use super::*;
+
+#[track_caller]
+fn assert_noted(text: &str, expected: &[&str]) {
+    assert_eq!(read(text).unwrap().notes, expected);
+}
+
+#[test]
+fn the_last_row_of_a_matrix_is_not_used_even_below_other_nodes() {
+    let nodes = r#""nodes": [{"children": [1], "translation": [0, 0, 5]},
+{"mesh": 0, "matrix": [1,0,0,3, 0,1,0,0, 0,0,1,0, 0,0,0,0.5]}]"#;
+    let file =
+        read(&triangle().replace(r#""nodes": [{"mesh": 0, "translation": [0, 0, 5]}]"#, nodes)).unwrap();
+    assert_eq!(corners(&file.mesh), corners(&read(&triangle()).unwrap().mesh));
+    assert!(
+        file.notes.len() == 1 && file.notes[0].contains("whose last row is not 0 0 0 1"),
+        "{:?}",
+        file.notes
+    );
+}
+
+/// Node 0 has the triangle, node 1 is its own child, and node 2 is a child of node 1.
+#[test]
+fn nodes_below_themselves_are_refused_also_without_a_scene() {
+    let nodes = r#""translation": [0, 0, 5]}, {"children": [2, 1]}, {"mesh": 0}"#;
+    let text = triangle().replace(r#""translation": [0, 0, 5]}"#, nodes);
+    assert_noted(&text, &[]);
+    let error = read(&text.replace("\"scenes\": [{\"nodes\": [0]}],\n", "")).err().unwrap().to_string();
+    assert_eq!(error, "a.gltf: node 1 descends from a node that descends from itself");
+}
+
+#[test]
+fn normalised_indices_are_read_as_whole_numbers_with_a_note() {
+    let text =
+        triangle().replace(r#""componentType": 5123,"#, r#""componentType": 5123, "normalized": true,"#);
+    assert_noted(&text, &["1 primitive with normalised indices is shown as if they were not normalised"]);
+    assert_eq!(read(&text).unwrap().mesh, read(&triangle()).unwrap().mesh);
+}
+
+#[test]
+fn an_empty_list_beside_positions_is_refused() {
+    for (attribute, what) in [("NORMAL", "normals"), ("COLOR_0", "colours")] {
+        let empty =
+            r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5126, "count": 0, "type": "VEC3"}"#;
+        let text = triangle()
+            .replace(r#"{"POSITION": 0}"#, &format!(r#"{{"POSITION": 0, "{attribute}": 2}}"#))
+            .replace(r#""type": "SCALAR"}"#, empty);
+        let error = read(&text).err().unwrap().to_string();
+        assert!(error.contains(&format!("0 {what} for 3 positions")), "{error}");
+    }
+}
+
+const LIGHT: &str = r#""extensions": {"KHR_lights_punctual": {"lights": [{"type": "directional"}]}}"#;
+const NAMED: &str = r#""extensions": {"KHR_lights_punctual": {"light": 0}}"#;
+
+#[test]
+fn a_light_without_a_direction_and_one_outside_the_scene_are_noted() {
+    let file = with_node(LIGHT, &format!(r#"{NAMED}, "scale": [1, 1, 0]"#));
+    let note = "1 directional light without a direction is shown as shining along -y: the scales of nodes must not be 0";
+    assert_eq!(file.notes, [note]);
+    assert_eq!(file.lights, [FileLight::direction(DVec3::NEG_Y, DVec3::ONE)]);
+    let outside = triangle()
+        .replacen('{', &format!("{{{LIGHT}, "), 1)
+        .replace("[0, 0, 5]}", &format!("[0, 0, 5]}}, {{{NAMED}}}"));
+    assert_noted(&outside, &["1 light outside the shown scene is not used"]);
+}
+
+#[test]
+fn the_ratio_of_a_camera_and_a_znear_that_is_not_valid_are_noted() {
+    let with = |lens: &str| {
+        let lens = format!(r#"{{"yfov": 1, {lens}}}"#);
+        let camera = format!(r#""cameras": [{{"type": "perspective", "perspective": {lens}}}]"#);
+        let file = with_node(&camera, r#""camera": 0, "translation": [0, 0, 9]"#);
+        (file.camera.unwrap().z_near, file.notes, file.camera_notes)
+    };
+    let ratio = "the camera's aspectRatio of 1.5 is not used: the picture's size decides";
+    assert_eq!(with(r#""znear": 0.1, "aspectRatio": 1.5"#), (0.1, Vec::new(), vec![ratio.to_owned()]));
+    let note = "1 camera with a znear that is not a number, 0 or more is used with a znear of 0";
+    for near in ["-5", "1e39"] {
+        let expected = (0.0, vec![note.to_owned()], Vec::new());
+        assert_eq!(with(&format!(r#""znear": {near}"#)), expected, "{near}");
+    }
+    assert_eq!(with(r#""znear": 0"#), (0.0, Vec::new(), Vec::new()));
+}
+
+#[test]
+fn extensions_of_all_parts_are_noted_once_and_many_are_counted() {
+    let node =
+        triangle().replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "extensions": {"KHR_node_visibility": {}},"#);
+    let note = "unsupported extensions are ignored: `KHR_node_visibility`";
+    assert_noted(&node, &[note]);
+    let listed = node.replacen('{', r#"{"extensionsUsed": ["KHR_node_visibility"], "#, 1);
+    assert_noted(&listed, &[note]);
+    let list = (0..12).map(|number| format!("\"E{number:02}\"")).collect::<Vec<_>>().join(", ");
+    let many = triangle().replacen('{', &format!("{{\"extensionsUsed\": [{list}], "), 1);
+    let listed = "`E00`, `E01`, `E02`, `E03`, `E04`, `E05`, `E06`, `E07`, and 4 more";
+    assert_noted(&many, &[&format!("unsupported extensions are ignored: {listed}")]);
+    // A note names an extension of a material only once, too.
+    let material =
+        r#"{"materials": [{"pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": {"EXT_a": {}}}], "#;
+    let text =
+        triangle().replacen('{', material, 1).replace(r#""indices": 1"#, r#""indices": 1, "material": 0"#);
+    assert_noted(&text, &["unsupported extensions are ignored: `EXT_a`"]);
+}
+
+#[test]
+fn attributes_with_unknown_names_are_noted() {
+    let text = triangle().replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0, "COLOR": 0, "_COLOR": 0}"#);
+    assert_noted(&text, &["1 attribute with a name that glTF does not define is ignored: `COLOR`"]);
+}
+
+#[test]
+fn values_of_materials_that_are_limited_or_without_effect_are_noted() {
+    let notes = |keys: &str| {
+        let text = triangle().replacen('{', &format!("{{\"materials\": [{{{keys}}}], "), 1);
+        read(&text.replace(r#""indices": 1"#, r#""indices": 1, "material": 0"#)).unwrap().notes.join("\n")
+    };
+    let pbr = |keys: &str| notes(&format!(r#""pbrMetallicRoughness": {{{keys}}}"#));
+    let limited = |keys: &str| {
+        format!(
+            "a value outside its range ({keys}), which raycl does not support: it is limited to this range"
+        )
+    };
+    let both = pbr(r#""metallicFactor": -1, "roughnessFactor": 3"#);
+    assert_eq!(both, format!("1 material asks for {}", limited("metallicFactor 1, roughnessFactor 1")));
+    let metal = pbr(r#""metallicFactor": 1, "roughnessFactor": 0.1"#);
+    assert!(metal.contains("metal (metallicFactor)") && metal.contains("gloss (roughnessFactor)"), "{metal}");
+    let alpha = |mode: &str| {
+        let pbr = r#""pbrMetallicRoughness": {"metallicFactor": 0, "baseColorFactor": [1, 0, 0, 5]}"#;
+        notes(&format!(r#""alphaMode": "{mode}", {pbr}"#))
+    };
+    assert_eq!(alpha("OPAQUE"), "");
+    assert!(alpha("MASK").contains("a colour outside 0 to 1 (baseColorFactor)"), "{}", alpha("MASK"));
+    let matt = r#""pbrMetallicRoughness": {"metallicFactor": 0}"#;
+    let cutoff = notes(&format!(r#"{matt}, "alphaMode": "MASK", "alphaCutoff": -1"#));
+    assert_eq!(cutoff, format!("1 material asks for {}", limited("alphaCutoff")));
+    let extension =
+        |name: &str, values: &str| notes(&format!(r#"{matt}, "extensions": {{"{name}": {values}}}"#));
+    let bright = extension("KHR_materials_emissive_strength", r#"{"emissiveStrength": 2e6}"#);
+    assert_eq!(bright, format!("1 material asks for {}", limited("emissiveStrength")));
+    let ior = extension("KHR_materials_ior", r#"{"ior": 3}"#);
+    assert!(ior.contains("(KHR_materials_ior)"), "{ior}");
+}
+
+#[test]
+fn buffers_and_views_of_other_lengths_than_their_data_are_noted() {
+    let noted = |from: &str, to: &str, note: &str| {
+        assert_noted(&triangle().replace(from, to), &[note]);
+    };
+    let short = "1 buffer with fewer bytes than its byteLength is read as it is";
+    noted(r#""byteLength": 42"#, r#""byteLength": 43"#, short);
+    let beyond = "1 buffer view that ends beyond its buffer is read as far as there are bytes";
+    noted(r#""byteLength": 42"#, r#""byteLength": 41"#, beyond);
+    noted(r#""byteLength": 6"#, r#""byteLength": 7"#, beyond);
+}
+
+#[test]
+fn a_binary_part_that_no_buffer_uses_is_noted() {
+    let json = triangle().into_bytes();
+    let length = |bytes: &[u8]| (bytes.len() as u32).to_le_bytes();
+    let notes = |binary: &[u8]| {
+        let contents = [&length(&json)[..], b"JSON", &json, &length(binary), b"BIN\0", binary].concat();
+        let glb = [b"glTF\x02\0\0\0", &(12 + contents.len() as u32).to_le_bytes()[..], &contents].concat();
+        parse("a.glb", Reach { folder: Path::new(""), permitted: PERMITTED }, &glb).unwrap().notes
+    };
+    assert_eq!(notes(b""), [""; 0]);
+    assert_eq!(notes(b"abcd"), ["1 BIN chunk that no buffer uses is ignored"]);
+}
+
+#[test]
+fn a_mesh_that_several_nodes_place_is_noted_once() {
+    let primitives = r#""primitives": [{"attributes": {"POSITION": 0}, "mode": 1}, {"attributes": {"POSITION": 0}, "mode": 9},
+{"attributes": {}}, {"attributes": {"POSITION": 0, "NORMAL": 2}, "targets": [{}]}, "#;
+    let empty = r#""type": "SCALAR"}, {"componentType": 5126, "count": 3, "type": "VEC3"}"#;
+    let text = four_indices()
+        .replace(r#""primitives": ["#, primitives)
+        .replace(r#""type": "SCALAR"}"#, empty)
+        .replace(r#""nodes": [0]"#, r#""nodes": [0, 1, 2]"#)
+        .replace("[0, 0, 5]}", "[0, 0, 5]}, {\"mesh\": 0}, {\"mesh\": 0}");
+    let notes = read(&text).unwrap().notes;
+    let kinds = [
+        "1 primitive with morph targets is shown without them",
+        "1 primitive of lines or points is left out",
+        "1 primitive of an unknown mode is left out",
+        "1 primitive of triangles without positions is left out",
+        "1 accessor without data is read as zeros",
+        "1 corner after the last whole triangle is left out",
+    ];
+    assert_eq!(notes, kinds);
+}
