@@ -106,7 +106,7 @@ impl<'a> Numbers<'a> {
             (ComponentType::I8, "5120 (byte)"),
             (ComponentType::I16, "5122 (short)"),
         ];
-        self.refuse(&wrong, index, "5125, 5123 or 5121 (unsigned) for indices")?;
+        self.refuse(&wrong, index, "5121, 5123 or 5125 for indices")?;
         self.elements(self.accessor(index)?, false).map_err(within(index))
     }
 

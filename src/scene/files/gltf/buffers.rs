@@ -67,12 +67,12 @@ pub(super) fn notes(
     let counts: [Counted; 3] = [
         (
             root.buffers.iter().zip(buffers).filter(is_short).count(),
-            "buffer with fewer bytes than its byteLength",
+            "buffer with fewer bytes than byteLength states",
             "read as it is",
         ),
         (
             root.buffer_views.iter().filter(ends_beyond).count(),
-            "buffer view that ends beyond its buffer",
+            "buffer view with an end beyond the buffer",
             "read as far as there are bytes",
         ),
         (usize::from(is_unused), "BIN chunk that no buffer uses", "ignored"),

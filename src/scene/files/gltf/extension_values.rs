@@ -57,7 +57,7 @@ impl Form {
             Self::Strength => "a number, 0 or more".to_owned(),
             Self::Index => "a whole number, 0 or more".to_owned(),
             Self::List(count) => format!("a list of {count} numbers"),
-            Self::Texture => "an object with the index of a texture".to_owned(),
+            Self::Texture => "a texture".to_owned(),
         }
     }
 }
@@ -122,7 +122,7 @@ mod tests {
             assert_eq!(of_texture(values), Err(expected), "{values}");
         }
         assert_eq!(of_texture("5"), Err("material 1: KHR_texture_transform is not an object".to_owned()));
-        let texture = "is not an object with the index of a texture";
+        let texture = "is not a texture";
         for (name, values, key, what) in [
             (
                 "pbrSpecularGlossiness",

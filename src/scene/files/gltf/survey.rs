@@ -18,6 +18,11 @@ use std::fmt::{self, Formatter};
 /// Largest number of attributes that a note names.
 const MOST_LISTED: usize = 8;
 
+/// Keys whose values are skipped. Applications may store anything in `extras`. The other values contain no objects, and
+/// are most of the text of a large file.
+const SKIPPED: [&str; 9] =
+    ["extras", "uri", "children", "matrix", "max", "min", "rotation", "scale", "translation"];
+
 /// The names that the JSON contains.
 #[derive(Default)]
 pub(super) struct Survey {
@@ -63,13 +68,28 @@ impl Survey {
 struct Key<'a>(#[serde(borrow)] Cow<'a, str>);
 
 /// The meaning of the keys of an object.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 enum Keys {
     /// The keys are names of extensions.
     Extensions,
+    /// The keys are those of an extension or of a value in it.
+    OfExtension,
     /// The keys are names of a primitive's attributes.
     Attributes,
     Others,
+}
+
+impl Keys {
+    /// Returns the meaning of the keys of the value under `key`, if that is an object, or of the objects in a list.
+    fn below(self, key: Option<&str>) -> Self {
+        match (self, key) {
+            (Self::Extensions, _) => Self::OfExtension,
+            (_, Some("extensions")) => Self::Extensions,
+            (Self::OfExtension, _) => Self::OfExtension,
+            (_, Some("attributes")) => Self::Attributes,
+            _ => Self::Others,
+        }
+    }
 }
 
 /// Looks through a value and all values in it. `keys` is the meaning of the value's keys if it is an object.
@@ -133,7 +153,8 @@ impl<'de> Visitor<'de> for Walk<'_> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> std::result::Result<(), A::Error> {
-        while list.next_element_seed(Walk { survey: self.survey, keys: Keys::Others })?.is_some() {}
+        let keys = self.keys.below(None);
+        while list.next_element_seed(Walk { survey: self.survey, keys })?.is_some() {}
         Ok(())
     }
 
@@ -145,14 +166,9 @@ impl<'de> Visitor<'de> for Walk<'_> {
                 return Err(A::Error::custom("a key occurs twice"));
             }
             self.add(&key.0);
-            let keys = match &*key.0 {
-                "extensions" => Keys::Extensions,
-                "attributes" if self.keys == Keys::Others => Keys::Attributes,
-                _ => Keys::Others,
-            };
+            let keys = self.keys.below(Some(&key.0));
             match &*key.0 {
-                // Applications may store anything in `extras`. A `uri` may be long, and contains no key.
-                "extras" | "uri" => object.next_value::<IgnoredAny>().map(|_| ())?,
+                key if SKIPPED.contains(&key) => object.next_value::<IgnoredAny>().map(|_| ())?,
                 _ => object.next_value_seed(Walk { survey: self.survey, keys })?,
             }
         }
@@ -217,5 +233,8 @@ mod tests {
         let expected = "4 attributes with a name that glTF does not define are ignored";
         assert_eq!(note(&["COLOR", "Normal"], true), Some(format!("{expected}: `COLOR`, `Normal`")));
         assert_eq!(note(&["COLOR", "Normal"], false), Some(expected.to_owned()));
+        // This extension has attributes of its own.
+        let instances = r#"{"extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}}"#;
+        assert_eq!(survey(&format!("{{\"nodes\": [{instances}]}}")).unwrap().note_attributes(true), None);
     }
 }

@@ -149,9 +149,9 @@ fn buffers_and_views_of_other_lengths_than_their_data_are_noted() {
     let noted = |from: &str, to: &str, note: &str| {
         assert_noted(&triangle().replace(from, to), &[note]);
     };
-    let short = "1 buffer with fewer bytes than its byteLength is read as it is";
+    let short = "1 buffer with fewer bytes than byteLength states is read as it is";
     noted(r#""byteLength": 42"#, r#""byteLength": 43"#, short);
-    let beyond = "1 buffer view that ends beyond its buffer is read as far as there are bytes";
+    let beyond = "1 buffer view with an end beyond the buffer is read as far as there are bytes";
     noted(r#""byteLength": 42"#, r#""byteLength": 41"#, beyond);
     noted(r#""byteLength": 6"#, r#""byteLength": 7"#, beyond);
 }
