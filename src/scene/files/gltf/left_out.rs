@@ -116,7 +116,12 @@ impl LeftOut {
     }
 
     pub fn notes(&self) -> impl Iterator<Item = String> {
-        let notes = [
+        notes_on(self.seen().into_iter().chain(self.skinned()).chain(self.primitives()))
+    }
+
+    /// Returns the counts of meshes without a place, cameras and lights.
+    fn seen(&self) -> [Counted; 13] {
+        [
             (self.unplaced, "mesh that no node places", "shown without a transform"),
             (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
             (self.odd_cameras, "camera of an unknown type or without the values of its type", "not used"),
@@ -146,6 +151,12 @@ impl LeftOut {
                 "shown as shining along -y: the scales of nodes must not be 0",
             ),
             (self.other_lights, "light outside the shown scene", "not used"),
+        ]
+    }
+
+    /// Returns the counts of skins and of the vertices that they place.
+    fn skinned(&self) -> [Counted; 5] {
+        [
             (
                 self.unskinned,
                 "primitive that its skin does not place",
@@ -171,6 +182,12 @@ impl LeftOut {
                 "set of joints (JOINTS_n) or of weights (WEIGHTS_n) without the other",
                 "ignored",
             ),
+        ]
+    }
+
+    /// Returns the counts of primitives (parts of meshes), and of their triangles and accessors.
+    fn primitives(&self) -> [Counted; 11] {
+        [
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
             (self.lines_and_points, "primitive of lines or points", "left out"),
@@ -187,8 +204,7 @@ impl LeftOut {
                 "shown with an inexact texture: in single precision, such numbers have steps of at least 1/2048; \
                  expected numbers near 0",
             ),
-        ];
-        notes_on(notes)
+        ]
     }
 }
 

@@ -1,0 +1,125 @@
+//! Reads the cameras and lights of nodes. They are not used if the mesh is an object of a scene file.
+
+use super::Walk;
+use crate::scene::files::gltf::Parsed;
+use crate::scene::files::{FileLight, Placement};
+use crate::scene::mesh::{Triangle, are_apart};
+use crate::scene::{Camera, validate};
+use glam::{DMat4, DVec3, Vec3};
+use gltf::json::Index;
+use gltf::json::camera::Type;
+use gltf::json::extensions::scene::khr_lights_punctual as punctual;
+use gltf::json::scene::Node;
+use gltf::json::validation::Checked;
+
+impl Walk<'_> {
+    /// Adds the camera of a node. The camera looks along the node's -z axis. A camera that is not a perspective camera,
+    /// or whose directions the node's transform makes zero or parallel, is counted but not added. A camera with an
+    /// impossible field of view is counted, and gets a field of view of 45 degrees. A camera with an impossible znear is
+    /// counted, and gets a znear of 0.
+    pub(super) fn add_camera(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
+        let Some(index) = node.camera else { return Ok(()) };
+        let camera =
+            self.numbers.root.get(index).ok_or_else(|| format!("camera {} does not exist", index.value()))?;
+        let (Checked::Valid(Type::Perspective), Some(lens)) = (camera.type_, &camera.perspective) else {
+            match camera.type_ {
+                Checked::Valid(Type::Orthographic) => self.left_out.orthographic += 1,
+                _ => self.left_out.odd_cameras += 1,
+            }
+            return Ok(());
+        };
+        let position = transform.transform_point3(DVec3::ZERO);
+        let [ahead, up] =
+            [DVec3::NEG_Z, DVec3::Y].map(|axis| transform.transform_vector3(axis).normalize_or_zero());
+        let degrees = lens.yfov.to_degrees();
+        let valid = degrees > 1e-3 && degrees < 179.99;
+        self.left_out.odd_views += usize::from(!valid);
+        let degrees = if valid { degrees } else { 45.0 };
+        let looking = Camera::looking_at(Vec3::ZERO, ahead.as_vec3(), up.as_vec3(), degrees, true);
+        self.left_out.flat_cameras += usize::from(looking.is_none());
+        let is_odd_near = !lens.znear.is_finite() || lens.znear < 0.0;
+        self.left_out.odd_nears += usize::from(is_odd_near && looking.is_some());
+        let z_near = if is_odd_near { 0.0 } else { lens.znear };
+        self.cameras.extend(looking.map(|looking| (position, Camera { z_near, ..looking }, lens)));
+        Ok(())
+    }
+
+    /// Adds the light of a node. A directional light shines along the node's -z axis.
+    pub(super) fn add_light(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
+        let Some(index) = light_of(node) else { return Ok(()) };
+        let lights = self
+            .numbers
+            .root
+            .extensions
+            .as_ref()
+            .and_then(|extensions| extensions.khr_lights_punctual.as_ref());
+        let light = lights.and_then(|lights| lights.lights.get(index.value()));
+        let light = light.ok_or_else(|| format!("light {} does not exist", index.value()))?;
+        let strength = Vec3::from_array(light.color).as_dvec3() * f64::from(light.intensity);
+        if !strength.is_finite() || strength.min_element() < 0.0 {
+            return Err(format!(
+                "light {} has a strength of {strength}; expected finite numbers, 0 or more",
+                index.value()
+            ));
+        }
+        // A light without strength is left out, so that raycl adds its own lights if no light of the file
+        // shines.
+        if strength == DVec3::ZERO {
+            self.left_out.dark += 1;
+            return Ok(());
+        }
+        self.left_out.ranges += usize::from(light.range.is_some());
+        let position = transform.transform_point3(DVec3::ZERO);
+        self.lights.push(match light.type_ {
+            Checked::Valid(punctual::Type::Directional) => {
+                let direction = transform.transform_vector3(DVec3::NEG_Z);
+                self.left_out.flat_lights += usize::from(direction.try_normalize().is_none());
+                FileLight::direction(direction, strength)
+            }
+            other => {
+                self.left_out.spots += usize::from(other == Checked::Valid(punctual::Type::Spot));
+                self.left_out.odd_lights += usize::from(other == Checked::Invalid);
+                FileLight::point(position, strength)
+            }
+        });
+        Ok(())
+    }
+
+    /// Returns true if the file's first camera and the file's lights, scaled like the mesh, are within
+    /// raycl's limits. If the result is false, the mesh is not scaled. If scaling moves a camera beyond
+    /// the limits, the camera is at least 1e11 radii of the mesh away, so the mesh covers less than a pixel.
+    pub(super) fn seen_fits(&self, placement: &Placement) -> bool {
+        let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
+        camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())
+            && self.lights.iter().all(|light| light.placed_by(placement).is_valid())
+    }
+
+    /// Returns the notes that are shown if the picture is seen from the file's first camera.
+    pub(super) fn camera_notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        let cameras = self.cameras.len();
+        notes.extend((cameras > 1).then(|| format!("of {cameras} cameras, the first is used")));
+        if let Some((eye, camera, lens)) = self.cameras.first() {
+            let depth = |position: &DVec3| (*position - *eye).dot(camera.forward.as_dvec3());
+            let corners =
+                |triangle: &Triangle| triangle.positions.map(|index| self.positions[index as usize]);
+            let visible = || self.triangles.iter().map(corners).filter(are_apart).flatten();
+            let is_beyond = |end: f32| visible().any(|position| depth(&position) > f64::from(end));
+            let unseen =
+                "the file's camera sees no part of the mesh: --azimuth 31 uses raycl's own camera instead";
+            notes.extend((!is_beyond(camera.z_near)).then(|| unseen.to_owned()));
+            let note = |far| format!("the camera's zfar of {far} is not used: surfaces beyond it are drawn");
+            notes.extend(lens.zfar.filter(|far| is_beyond(*far)).map(note));
+            let note = |ratio| {
+                format!("the camera's aspectRatio of {ratio} is not used: the picture's size decides")
+            };
+            notes.extend(lens.aspect_ratio.map(note));
+        }
+        notes
+    }
+}
+
+/// Returns the index of a node's light; `None` if the node has none.
+pub(super) fn light_of(node: &Node) -> Option<Index<punctual::Light>> {
+    node.extensions.as_ref()?.khr_lights_punctual.as_ref().map(|named| named.light)
+}
