@@ -1,5 +1,5 @@
-//! Defines the record of a measured point, which is a line of `records.jsonl`. `docs/format.md` documents
-//! every field of a record.
+//! Defines the record of a point. A line of `records.jsonl` is a record, also if the point could not be measured.
+//! `docs/format.md` documents every field that is stored.
 
 use super::axes::axes;
 use super::outcome::Outcome;
@@ -28,11 +28,11 @@ pub struct Record {
     pub timestamp: Option<String>,
     /// The scene's name.
     pub scene: String,
-    /// A hash of everything in the scene that affects the picture, and of the number of samples per pixel if it is
-    /// larger than 1. Equal hashes mean equal scenes.
+    /// A hash of everything in the scene that affects the picture, and of the number of samples per pixel if it
+    /// is larger than 1. Scenes with equal hashes yield the same picture.
     #[serde(default)]
     pub scene_hash: Option<String>,
-    /// The scene's file, as named in the config.
+    /// The path of the scene's file: the config's folder, followed by the path in the config.
     #[serde(default)]
     pub scene_file: Option<String>,
     /// The values that the config sets in the scene, each as a line of TOML.
@@ -47,29 +47,32 @@ pub struct Record {
     /// kind.
     #[serde(default)]
     pub measured_on: Option<String>,
-    /// The machine that measured the point, if several machines measured the experiment. If several machines measured
-    /// launches of the point, their names are separated by `, `.
+    /// The machine that measured the point, if the experiment is divided into shards. In a record that `raycl
+    /// merge` wrote, if several machines measured launches of the point: the names of all these machines,
+    /// separated by `, `.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
-    /// The attempt that measured the point (the process that measured its shard), if `raycl merge` wrote the
-    /// record.
+    /// The attempt that measured the point (the process that measured the point's shard), if `raycl merge`
+    /// wrote the record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attempt: Option<String>,
-    /// The number of the block in which the point was measured, if the point's group was divided into blocks.
+    /// The number of the block in which the point was measured, if the experiment was run with shards or
+    /// `--spread`. A block is a whole group of points or a part of a group.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub block: Option<u32>,
     /// The key of the control point of the point's group. If a group of points is divided into blocks, its
     /// control point is measured in every block.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<String>,
-    /// True if this record was measured only to compare a block of points with other blocks. The point's
-    /// result is in another record, in which `is_control` is absent.
+    /// True if the point is a control point that was measured only so that a block of points can be compared
+    /// with other blocks. The point's result is in another record, in which `is_control` is absent.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
-    /// The strategy's name in the config, followed by the axes that have several values in the config. Without a
-    /// name in the config, the preset's name, and the axes that differ from the preset or have several values in
-    /// the config. If the run compares two folders of kernels, the label of the folder of the point's kernels
-    /// follows in brackets. For a baseline, the baseline's name in the config.
+    /// The strategy's name in the config, followed by the axes that have several values in the config. If the
+    /// config gives the strategy no name, `name` consists of the preset's name, and of the axes that differ
+    /// from the preset or have several values in the config. If the run compares two folders of kernels, the
+    /// label of the folder of the point's kernels follows in brackets. For a baseline, `name` is the baseline's
+    /// name in the config.
     pub name: String,
     /// The name of the preset that is the point's strategy; null for a baseline, if the strategy differs from
     /// its preset on an axis, and if the run compares two folders of kernels.
@@ -92,9 +95,9 @@ pub struct Record {
     /// Number of samples per pixel; absent if it is 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_per_pixel: Option<u32>,
-    /// Notes on the scene, of two kinds. Notes of the first kind name a part of the scene's file that was
-    /// ignored or replaced by a default, such as missing normals. Notes of the second kind name a scene of
-    /// the experiment that has the same content and was therefore not measured.
+    /// Notes on the scene, of two kinds. Notes of the first kind say what raycl ignored, replaced by a default
+    /// or otherwise interpreted in the scene's files, such as missing normals. Notes of the second kind name a
+    /// scene of the experiment that has the same content and was therefore not measured.
     #[serde(default)]
     pub scene_notes: Vec<String>,
     /// What happened to the point, such as `measured` or `infeasible`.
@@ -113,21 +116,22 @@ pub struct Record {
     /// launches and from the usual difference between runs.
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
-    /// The device time of every timed frame, in the order of measurement; for a baseline, the time on the
-    /// host's clock. Samples whose threads had to wait for a processor are left out. Samples and launches are
-    /// also left out if a virtual machine's processors ran on cores unusually far apart, or shared a core
-    /// (see `moved_samples` and `moved_launches`).
+    /// The samples, in the order of measurement. A sample is the device time of a frame or, if a sample
+    /// consists of several frames (see `batch`), their mean device time; for a baseline, the time on the host's
+    /// clock. Preempted samples (see `preempted_samples`) are left out. Samples and launches with an unusual
+    /// core-to-core latency (see `moved_samples` and `moved_launches`) are left out, too.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// For each sample in `samples_ms`, the number of the launch that took it (launches are counted over the
-    /// whole folder of results). The list is empty in files of earlier versions, which have a single launch.
+    /// whole folder of results). The list is empty in records of early versions of raycl, which measured
+    /// only one launch.
     #[serde(default)]
     pub sample_launches: Vec<u32>,
     /// When each sample was measured, in milliseconds since the rounds of its launch began.
     #[serde(default)]
     pub samples_at_ms: Vec<f64>,
-    /// The record's times relative to the times of the records that were measured together. raycl computes
-    /// these times when it reads a folder, and does not store them.
+    /// The record's times relative to the times of the records that were measured together with this record.
+    /// raycl computes these times when it reads a folder, and does not store them.
     #[serde(skip)]
     pub relative_times: Option<RelativeTimes>,
     /// The name of the rule that ended the sampling in the last launch, such as "time-limit".
@@ -137,24 +141,27 @@ pub struct Record {
     /// The median time of the shadow pass, if passes are separate. The shadow pass includes shading if
     /// `shade_ms` is null.
     pub shadow_ms: Option<f64>,
-    /// The median time of the shading pass, if shading is separate from shadow rays.
+    /// The median time of the shading pass, if the frame has one. With `traversal=tile` and fused passes, the
+    /// shading pass may also cast leftover shadow rays.
     #[serde(default)]
     pub shade_ms: Option<f64>,
     /// The median time, on the host's clock, of the frames in `samples_ms`.
     pub host_median_ms: Option<f64>,
-    /// Time for building the program. For the point for which the program was built, this time includes running a
-    /// kernel once, because drivers may compile a kernel when it first runs. For all other points with the
-    /// same program, `build_ms` is the time for taking the program from the cache.
+    /// Time for building the program. For the point for which the program was built, this time includes running
+    /// a kernel once, because drivers may compile a kernel when it first runs. For all other points with the
+    /// same program, `build_ms` is the time for taking the program from raycl's cache. If raycl's cache is not
+    /// used, `build_ms` is only the time for compiling.
     pub build_ms: Option<f64>,
-    /// True if the program came from the cache and nothing was compiled; null in records of earlier versions.
+    /// True if the program came from raycl's cache and nothing was compiled; null in records of earlier
+    /// versions.
     #[serde(default)]
     pub build_from_cache: Option<bool>,
-    /// Time to check the point in the first launch: to build its program, to cast a frame, and to compare the frame
-    /// with the reference.
+    /// Time to check the point in the first launch: to build its program or take it from the cache, to cast a
+    /// frame, and to compare the frame with the reference.
     #[serde(default)]
     pub check_ms: Option<f64>,
-    /// Device time for preparing, for each triangle, the data that a ray-triangle test reads. Only strategies with
-    /// `records=once` prepare this data, once per scene; the time is not part of a frame.
+    /// With `records=once`: the device time for preparing, for each triangle, the data that a ray-triangle test
+    /// reads. This data is prepared before the first frame, so the time is not part of a frame.
     #[serde(default)]
     pub records_ms: Option<f64>,
     /// The number of primary rays, divided by the time of the primary pass or, if passes are fused, of the
@@ -170,12 +177,13 @@ pub struct Record {
     pub tests_per_s: Option<f64>,
     /// The largest relative difference from the reference on pixels that are certain (that do not depend on rounding).
     pub max_difference: Option<f64>,
-    /// The wrong pixel with the largest difference or, if no pixel is wrong, the pixel with the largest difference:
-    /// column, row.
+    /// The wrong pixel with the largest difference or, if no pixel is wrong, the certain pixel with the largest
+    /// difference: column, row. Null if no certain pixel differs from the reference.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Number of uncertain pixels: their radiance in the reference changes if their rays are moved slightly,
-    /// or if another small change is made. Verification compares the device's value of an uncertain pixel
-    /// with the range of values that the reference yields under such small changes.
+    /// Number of uncertain pixels: their radiance in the reference changes noticeably if their rays are moved
+    /// very slightly, or if another small change is made. Nearly certain pixels are not counted. Verification
+    /// compares the device's value of an uncertain pixel with the range of values that the reference yields
+    /// under such small changes.
     pub uncertain_pixels: Option<u64>,
     /// Number of pixels whose rays hit something in the reference.
     #[serde(default)]
@@ -184,8 +192,8 @@ pub struct Record {
     #[serde(default)]
     pub uncertain_hits: Option<u64>,
     /// Number of pixels whose values are outside the range of values that the reference yields if rays are
-    /// moved slightly, or if another small change is made; only pixels that depend on such changes count.
-    /// Verification limits this number.
+    /// moved slightly, or if another small change is made; only pixels that depend on such changes (uncertain
+    /// and nearly certain pixels) count. If this number exceeds a limit, the image counts as wrong.
     pub unexplained_pixels: Option<u64>,
     /// Bytes of `__local` memory that a work-group needs.
     pub local_bytes: Option<u64>,
@@ -209,37 +217,41 @@ pub struct Record {
     pub difference_image: Option<String>,
     /// The path of the picture that the reference cast.
     pub reference_image: Option<String>,
-    /// The path of a copy of the reference's picture in which uncertain pixels are marked.
+    /// The path of a grey copy of the reference's picture in which all uncertain and nearly certain pixels are
+    /// marked.
     pub certainty_image: Option<String>,
     /// The path of a picture that shows in false colour against how many triangles each pixel's rays are
-    /// tested.
+    /// tested. The host counts these tests. For a strategy with a tree, the host counts them in a tree of its
+    /// own, so the strategy's kernels may make more or fewer tests.
     pub tests_image: Option<String>,
-    /// The path of a picture that shows in false colour how many nodes of the tree each pixel's rays visit.
+    /// The path of a picture that shows in false colour how many nodes of the tree each pixel's rays visit. The
+    /// tree is the host's own, as for `tests_image`.
     pub nodes_image: Option<String>,
     /// Number of frames per sample, if a single frame is too short for the device's timer.
     #[serde(default)]
     pub batch: Option<u32>,
-    /// Number of threads with which the device executed kernels, if known (PoCL reports it).
+    /// Number of threads with which the device executed kernels; known only for PoCL on a CPU.
     #[serde(default)]
     pub threads: Option<u32>,
-    /// Properties of the frame's compiled kernels, in the order in which they run.
+    /// Properties of the frame's compiled kernels, in the order in which they first run.
     #[serde(default)]
     pub kernels: Vec<CompiledKernel>,
     /// Number of floating-point operations of a ray-triangle test; a multiply-add counts as one.
     #[serde(default)]
     pub operations_per_test: Option<u32>,
-    /// Bytes of the triangle that a ray-triangle test reads, divided by the number of rays of a work-item, since a
-    /// work-item reads a triangle once for all its rays. The number of bytes is null if primary rays are
-    /// not tested against every triangle.
+    /// Bytes of the triangle that a ray-triangle test reads, divided by the number of rays of a work-item,
+    /// since a work-item reads a triangle once for all its rays. The number of bytes is null for a baseline,
+    /// and if primary rays are not tested against every triangle.
     #[serde(default)]
     pub triangle_bytes_per_test: Option<f64>,
     /// The memory that contains the triangles that tests read: `global`, `__constant` or `__local`.
     #[serde(default)]
     pub triangle_memory: Option<String>,
-    /// Bytes of the ray that a ray-triangle test reads from a memory; 0 with private vectors.
+    /// Bytes of the ray that a ray-triangle test reads from `__local` or global memory; 0 with private vectors.
     #[serde(default)]
     pub ray_bytes_per_test: Option<f64>,
-    /// The memory that contains the rays that tests read: `global` or `__local`, or `registers`.
+    /// The memory that contains the rays that tests read: `global`, `__local`, or `registers` with private
+    /// vectors.
     #[serde(default)]
     pub ray_memory: Option<String>,
     /// The device's measured peak rate of multiply-adds per second.
@@ -277,8 +289,8 @@ pub struct Record {
     pub throttled_samples: Option<u32>,
     /// The hash of the point's program: of its source, its defines and its build options.
     pub program_hash: Option<String>,
-    /// The seed of two random orders: the order of the groups of points in each launch, and the order of the
-    /// points in each round.
+    /// The seed of two random orders: the order of the groups of points in each launch after the first, and the
+    /// order of the points in each round.
     pub seed: Option<u64>,
     /// The git revision from which raycl was built, with "-dirty" if there were uncommitted changes.
     #[serde(default)]
@@ -303,15 +315,15 @@ impl Record {
     }
 
     /// Returns true if the outcome is not a failure, and would be the same at any other moment. Returns false
-    /// if the point lacked memory that other programs, or other points of the run, may have used only for a
-    /// time.
+    /// if the point lacked memory that other programs, or other points of the run, may have used only
+    /// temporarily.
     pub fn is_final(&self) -> bool {
         let is_of_the_moment = self.outcome == Outcome::Infeasible
             && self.reason.as_deref().is_some_and(Infeasible::is_of_the_moment);
         self.outcome.is_fine() && !is_of_the_moment
     }
 
-    /// Returns true if the point exceeded a limit of the device that may differ in each session.
+    /// Returns true if the point exceeded a limit of the device that may differ between sessions.
     pub fn is_of_the_session(&self) -> bool {
         let reason = self.reason.as_deref();
         self.outcome == Outcome::Infeasible && reason.is_some_and(Infeasible::is_of_the_session)
@@ -327,7 +339,8 @@ impl Record {
             // If one attempt lacked memory at one moment or in one session, its record must not hide that
             // another attempt had enough memory and failed.
             Outcome::Infeasible if self.is_of_the_session() || !self.is_final() => 4,
-            // A limit of the device holds for all attempts, whereas a failure may be due to a single attempt.
+            // A limit of the device, and a program that the compiler rejects, are the same for all attempts,
+            // whereas other failures may be due to a single attempt.
             Outcome::Infeasible | Outcome::BuildFailed => 2,
             Outcome::LaunchFailed | Outcome::TimedOut | Outcome::Crashed => 3,
             // The attempt did not try to measure the point, but another attempt may have tried.
@@ -367,8 +380,8 @@ impl Record {
         self.traversal().is_some_and(Traversal::rasterises)
     }
 
-    /// Returns the main kernel, which casts the primary rays, and in some strategies also casts shadow rays
-    /// and shades. Returns `None` if the record describes no main kernel.
+    /// Returns the main kernel, which casts the primary rays (or rasterises triangles instead), and in some strategies
+    /// also casts shadow rays and shades. Returns `None` if the record describes no main kernel.
     pub fn main_kernel(&self) -> Option<&CompiledKernel> {
         self.kernels.iter().find(|kernel| manifest::is_main(&kernel.name))
     }

@@ -38,8 +38,8 @@ fn or_current(path: &Path) -> &Path {
 }
 
 /// Returns the error for a folder that cannot be made, with the advice `remedy`. The error counts as a
-/// mistake of the user in three cases: something else, such as a file, already has the path; the path is not
-/// valid for any folder; or this process may not make folders in the parent folder.
+/// mistake of the user in three cases: something other than a folder, such as a file, already has the path or the
+/// path of an ancestor; no folder can have this path; or this process may not make folders in the parent folder.
 pub fn cannot_make(folder: &Path, error: &IoError, remedy: impl Into<String>) -> Error {
     use ErrorKind::{AlreadyExists, InvalidFilename, NotADirectory, NotFound};
     let other = || {

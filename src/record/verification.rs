@@ -1,5 +1,5 @@
-//! Counts the points whose images could hardly be verified, because too few pixels of these images are
-//! certain (rounding may decide the values of the others).
+//! Counts the points whose images could hardly be verified, because too many pixels of these images are
+//! uncertain (rounding may decide the values of these pixels).
 
 use super::outcome::Outcome;
 use super::types::Record;
@@ -7,8 +7,8 @@ use crate::numbers::by;
 use crate::verify::hardly_verified;
 use crate::words::counted_of_were;
 
-/// Returns a note on the measured points in whose images too few pixels are certain; `None` if all images
-/// have enough certain pixels.
+/// Returns a note on the measured points in whose images too many pixels are uncertain; `None` if there are
+/// no such points.
 pub(crate) fn hardly_verified_images(records: &[Record]) -> Option<String> {
     let measured = || records.iter().filter(|record| record.outcome == Outcome::Measured);
     let why = |record: &Record| {

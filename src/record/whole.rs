@@ -20,13 +20,14 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, true, |file| file.write_all(bytes))
 }
 
-/// Writes `value` as indented JSON with a final newline, completely or not at all like [`write_whole`].
+/// Writes `value` as indented JSON with a final newline. Like [`write_whole`], writes the file completely or
+/// not at all.
 pub fn write_json(path: &Path, value: &(impl Serialize + ?Sized)) -> Result<()> {
     let text = serde_json::to_string_pretty(value).map_err(|error| Error::fault(error.to_string()))?;
     write_whole(path, format!("{text}\n").as_bytes())
 }
 
-/// Writes a file completely or not at all like [`write_whole`], for contents that are too large for memory.
+/// Writes a file completely or not at all, as [`write_whole`] does, for contents that are too large for memory.
 /// The argument `write` writes the file's contents piece by piece.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     replace(path, true, |file| {
@@ -36,7 +37,7 @@ pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io
     })
 }
 
-/// Writes a file completely or not at all like [`write_whole`], but does not wait until the file is on the
+/// Writes a file completely or not at all, as [`write_whole`] does, but does not wait until the file is on the
 /// disk. `write_page` is for pages, which raycl can generate again from the records.
 pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, false, |file| file.write_all(bytes))
