@@ -115,8 +115,9 @@ impl<'a> ClaimData<'a> {
         all.filter(|record| point.is(record, self.device)).collect()
     }
 
-    /// Returns the fastest measured record that matches a point. If no measured record matches, the error is
-    /// a [`Line`] for the page that says why.
+    /// Returns the fastest measured record that matches a point. If no matching record has a rank, returns any
+    /// measured record that matches. If no measured record matches, the error is a [`Line`] for the page that says
+    /// why.
     pub(super) fn measured(&self, point: &Point) -> Result<&'a Record, Line> {
         let records = self.records(point);
         if let Some(best) = ranking(records.iter().copied()).all().first() {
@@ -134,8 +135,8 @@ impl<'a> ClaimData<'a> {
         })
     }
 
-    /// Returns the result line for a missing record, with the command that would measure it. `what` names the
-    /// point or the figure that has no record.
+    /// Returns the result line for a missing record, with the command that would make the record. `what` names
+    /// the point or the latency that has no record.
     pub(super) fn missing(&self, what: &str) -> Line {
         let decides = format!("the missing record: `{}`", self.run.completion(""));
         Line { data: Data::NoRecord, ..Line::cannot(format!("no record of {what}"), decides) }
@@ -199,7 +200,7 @@ impl<'a> ClaimData<'a> {
     }
 
     /// Returns the device's peak rates, which the run stored. The error is a result line that says why the peak rates
-    /// are missing or cannot be read; `what` names the missing rate or latency in this line.
+    /// are missing or cannot be read; `what` names the missing latency in this line.
     pub(super) fn peak(&self, what: &str) -> Result<Peak, Line> {
         let peaks = Peak::stored_in(self.run.path()).map_err(|error| {
             let decides = format!(

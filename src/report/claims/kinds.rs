@@ -90,8 +90,8 @@ fn fastest(data: &ClaimData<'_>, test: &FastestTest) -> Line {
     }
 }
 
-/// Names the points with records that a test leaves out: " (left out: naive at 8 x 8 on teapot)". Returns an
-/// empty text if the test leaves out no points with records.
+/// Names the points that a test leaves out although they have records: " (left out: naive at 8 x 8 on teapot)".
+/// Returns an empty text if the test leaves out no points with records.
 fn exceptions(data: &ClaimData<'_>, test: &FastestTest) -> String {
     let recorded = test.except.iter().filter(|point| !data.records(point).is_empty());
     let names: Vec<String> = recorded.map(ToString::to_string).collect();
@@ -134,7 +134,7 @@ fn passes(data: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least:
 /// Returns true if a sample is one of a record's samples. `samples.jsonl` also contains samples that the record leaves
 /// out, such as samples of an incomplete launch and samples that another program probably delayed. A record of an
 /// earlier version of raycl may not state the launches of its samples, or when the samples were measured. Properties
-/// that the record does not state are not compared.
+/// that the record or the sample does not state are not compared.
 fn has(record: &Record, sample: &Sample) -> bool {
     let is_same = |(index, ms): (usize, &f64)| {
         let (launch, at_ms) = (record.sample_launches.get(index), record.samples_at_ms.get(index));
@@ -227,7 +227,7 @@ fn latency(data: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> Li
         _ => Line::unclear(
             text,
             format!(
-                "a latency whose quartiles are closer together: `{}` measures it again",
+                "a latency whose quartiles are closer together: delete the run's file peak.json, then `{}`",
                 data.run.completion("")
             ),
         ),

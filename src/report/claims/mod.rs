@@ -61,7 +61,7 @@ pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
 
 /// Returns the result lines of a test, one per comparison. If no run has all data of a comparison, the line
 /// comes from the run that lacks the least data (see [`Data`]). Among runs that lack equally much data, a run
-/// of one of the claim's configs is preferred, since other configs do not measure the claim's points.
+/// of one of the claim's configs is preferred, since other configs need not measure all points of the claim.
 fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<Line> {
     let of = |run: &Run<'_>| -> Vec<((Data, bool), Line)> {
         let is_other = !row.configs.contains(&run.folder.label);
@@ -75,12 +75,12 @@ fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<
     most_complete.unwrap_or_default().into_iter().map(|(_, line)| line).collect()
 }
 
-/// Contradictions within the paper that need no measurement.
+/// Contradictions and omissions in the paper that can be shown without a measurement.
 pub const OTHER_CONTRADICTIONS: [&str; 4] = [
     "The paper's text lists five scenes, but the legend of Figure 6 has four.",
     "Figures 6 to 8 have no point at 14 x 14, although the text names this block size.",
-    "The paper reports no repeated measurements, no error bars and no device, so differences of about an \
-     eighth cannot be distinguished from noise.",
+    "The paper reports no repeated measurements and no error bars, so differences of about an eighth cannot \
+     be distinguished from noise. The paper does not name its device either.",
     "Figure 3's caption puts the lower light at (2, 0, 0), but the picture is lit from (3, 0.95, -1.5).",
 ];
 

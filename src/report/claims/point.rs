@@ -11,13 +11,13 @@ use serde::Deserialize;
 /// The names of the baselines that claims may refer to.
 const BASELINES: [&str; 3] = ["serial-f32", "serial-f64", "parallel-f32"];
 
-/// Selects records by their local size. A record matches a point of a claim if it has the point's strategy
-/// and scene, and is selected by its local size.
+/// Selects records by their local size. A record matches a point of a claim if the record has the point's
+/// strategy and scene, comes from the tested device (for a baseline: from the host), and has a selected local size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
     /// Selects only the record with the given local size.
     At([u32; 2]),
-    /// Selects the fastest of the records with any local size.
+    /// Selects the records of all local sizes; a ratio uses only the fastest of them.
     Best,
     /// Selects all records with square local sizes.
     Square,
@@ -73,7 +73,7 @@ pub(super) fn local_size(word: &str) -> Result<[u32; 2], String> {
     })
 }
 
-/// Fails if `names` does not contain `name`; the error suggests the most similar name.
+/// Fails if `names` does not contain `name`; the error suggests the most similar name, if any is similar enough.
 pub(super) fn known(what: &str, name: &str, names: &[&str]) -> Result<(), String> {
     if names.contains(&name) {
         return Ok(());

@@ -112,9 +112,9 @@ impl Ratio {
 const LONGER_FRAMES: &str =
     "longer frames, such as those of a larger image: the times are below the timer's resolution";
 
-/// Returns why the ratio of two records' times is unknown: a record has too few samples, or times of 0. If this
-/// is true of both records, returns the reason of the record whose smallest launch has fewer samples above 0.
-/// Returns `None` if it is true of neither record.
+/// Returns why the ratio of two records' times is unknown: a record has too few samples, or times of 0. If both
+/// records have such a reason, returns the reason of the record for which [`fewest`] is smaller: the number of samples
+/// with a time above 0, in the launch with the fewest such samples. Returns `None` if neither record has such a reason.
 fn why_unsure(slow: &Record, fast: &Record) -> Option<String> {
     let reasons = [slow, fast].into_iter().filter_map(|record| Some((fewest(record), not_enough(record)?)));
     reasons.min_by_key(|(n, _)| *n).map(|(_, why)| why)
@@ -126,8 +126,8 @@ fn is_timed(both: &[f64; 2]) -> bool {
     both.iter().all(|ms| *ms > 0.0)
 }
 
-/// Returns why the ratio of two passes is unknown. The returned text may state a number n: the number of
-/// samples in the launch with the fewest samples, in which samples with a time of 0 are not counted.
+/// Returns why the ratio of two passes is unknown. If the text states a number n, then n is the number of
+/// samples in the launch with the fewest samples. Samples in which a pass has the time 0 are not counted.
 fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     let fewest = |counts: &dyn Fn(&[f64; 2]) -> bool| {
         let of =
@@ -140,8 +140,8 @@ fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     }
 }
 
-/// Returns a text that says how many samples a verdict needs. A launch takes fewer samples than a verdict
-/// needs only if `timing.max_samples` in the config is too small.
+/// Returns a text that says how many samples a verdict needs. A launch takes at least so many samples, unless
+/// `timing.max_samples` in the config is smaller.
 fn more_samples() -> String {
     format!(
         "{MIN_SAMPLES} samples of each point per launch; `timing.max_samples` must be at least {MIN_SAMPLES}"
@@ -163,8 +163,8 @@ mod tests {
     use crate::record::fixtures::{few, judged, measured, sampled};
 
     /// Returns the ratio of the times of two records with three launches of `n` samples each. `slow` contains
-    /// the least and the greatest time of the slower record, and `fast` those of the faster record. A
-    /// record's time changes in equal steps from launch to launch.
+    /// the least and the greatest time of the record whose time is divided, and `fast` those of the other
+    /// record. A record's time changes in equal steps from launch to launch.
     fn ratio(slow: [f64; 2], fast: [f64; 2], n: u32) -> Ratio {
         let record = |name: &str, [low, high]: [f64; 2]| {
             let at = move |launch: u32| low + (high - low) * 0.5 * f64::from(launch);
@@ -229,8 +229,8 @@ mod tests {
         assert!(of(&[]).is_none());
     }
 
-    /// In each case of this test, the record has four launches, and either each launch has too few samples,
-    /// or one of the two passes has some times of 0.
+    /// Each case of this test has four launches. In all cases except the last, the ratio is unknown: each
+    /// launch has too few samples, or one of the two passes has times of 0.
     #[test]
     fn a_ratio_of_passes_that_is_not_known_has_a_reason() {
         let record = measured("gpu", "deferred", 8, 10.0);

@@ -145,7 +145,7 @@ pub fn table() -> Result<Vec<Row>> {
 }
 
 /// Reads a table of claims from TOML. `name` is the table's name in errors. The error states the line of the
-/// mistake and, for a misspelt name, the most similar valid name.
+/// mistake or the number of the claim and, for a misspelt name, the most similar valid name.
 pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
     let file: File = toml::from_str(text).map_err(|error| {
         toml_error(name, text, &error, "the first lines of claims.toml explain every key and kind")

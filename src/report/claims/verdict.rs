@@ -9,8 +9,8 @@ pub enum Verdict {
     /// The measurement contradicts the claim.
     NotHeld,
     /// The measurement does not decide the claim. For example, a bound of the claimed range lies within the
-    /// 95% interval of a ratio, or between the quartiles of a latency. Too few samples, a measurement that
-    /// was not completed, and comparisons that could not be made also leave a claim undecided.
+    /// 95% interval of a ratio, or between the quartiles of a latency. A claim is also undecided if there are
+    /// too few samples, if a measurement was not completed, or if only some of its comparisons could be made.
     Unclear,
     /// The claim cannot be tested with the records of this device.
     Cannot,
@@ -45,7 +45,7 @@ impl Verdict {
     }
 
     /// Returns the verdict of a claim from the verdicts of its comparisons (`parts`). The claim holds if all
-    /// comparisons hold. The claim does not hold if one comparison does not hold. The claim cannot be tested
+    /// comparisons hold. The claim does not hold if at least one comparison does not hold. The claim cannot be tested
     /// if no comparison can be tested. With any other mix of its comparisons' verdicts, the claim is unclear.
     pub(super) fn of_all(parts: impl Iterator<Item = Self> + Clone) -> Self {
         let all = |wanted: Self| parts.clone().all(|part| part == wanted);
@@ -64,10 +64,10 @@ impl Verdict {
 pub(super) enum Data {
     /// The run has all data that the comparison needs.
     Complete,
-    /// The run has records of the compared points, but not all data that the comparison needs, such as a
-    /// time.
+    /// No record of the compared points is missing, but the comparison lacks other data, such as a time, or
+    /// cannot be made at all.
     Incomplete,
-    /// The run has no record of a compared point.
+    /// The run has no record of a compared point or latency.
     NoRecord,
 }
 
