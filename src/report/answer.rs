@@ -32,13 +32,13 @@ pub struct Answer {
     /// The speed-ups of the group's fastest point over the serial baselines and over the fastest point of the
     /// preset `naive`.
     pub speedups: Vec<Speedup>,
-    /// The text "the best naive point" if the group's fastest point has the preset `naive`, otherwise `None`.
-    /// If the fastest point has another preset, a [`Speedup::over`] has the text "the best naive point".
+    /// A name such as "the best naive point" if the group's fastest point has the preset `naive`, otherwise `None`.
+    /// If another point of the group is the fastest, the best naive point has this name in [`Speedup::over`].
     pub naive_wins: Option<String>,
     /// The certainty of the result in one word: "clear", "tie" or "unsure". Winners that tie are "unsure" if a point
-    /// without a rank may be as fast.
+    /// without a rank may be as fast as the winners.
     pub sureness: &'static str,
-    /// A sentence on how certain the result is.
+    /// Sentences on how certain the result is.
     pub sure: String,
     /// The points without a time, with one element per reason.
     pub refused: Vec<Refused>,
@@ -60,8 +60,7 @@ pub struct Winner {
 pub struct Speedup {
     /// The name of the baseline or point with which the winner is compared.
     pub over: String,
-    /// How many times as fast the winner is; `None` if the winner or the other point has too few samples, or
-    /// times of 0.
+    /// How many times as fast the winner is; `None` if the other point has too few samples, or times of 0.
     pub ratio: Option<f64>,
     /// True if the other point is a baseline.
     pub is_over_baseline: bool,
@@ -72,20 +71,19 @@ pub struct Speedup {
     pub range: String,
 }
 
-/// Points that have no time for the same reason in brief.
+/// Points without a time whose reasons are the same in brief.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     /// The reason in brief, such as "local" (too little `__local` memory) or "wrong-image".
     pub word: String,
-    /// The number of points that have no time for the reason `word`.
+    /// The number of points without a time whose reason in brief is `word`.
     pub count: usize,
-    /// For each strategy, its first point without a time for the reason `word`, with the first line of the point's own
-    /// reason.
+    /// For each strategy, the first of these points, with the first line of its full reason.
     pub examples: Vec<String>,
 }
 
-/// Returns one answer per shown group of points ([`is_shown`]). `origins` tells which baselines the machine of
-/// a point measured.
+/// Returns one answer per shown group of points ([`is_shown`]). For each point, `origins` tells
+/// which baselines were measured on the same machine as the point.
 pub fn answers(groups: &[Group<'_>], origins: &Origins<'_>) -> Vec<Answer> {
     let shown = groups.iter().filter(|group| is_shown(group, groups));
     shown.map(|group| answer(group, &origins.baselines(group, groups))).collect()
@@ -268,8 +266,8 @@ fn doubt(answers: &[Answer]) -> String {
 
 /// Returns the second part of the summary, such as "; the winners are 2.61 to 108 times as fast as
 /// serial-f32, 1.04 to 7.82 times as fast as the best naive point". If a speed-up is unknown in some groups
-/// that have a winner, the text also states two numbers: of the groups in which the speed-up is known, and of
-/// the groups with a winner. Of the baselines, the text names only the first `MOST_BASELINES`. Returns an
+/// that have a winner, the text also says in how many of the groups with a winner the speed-up is known, such as
+/// "(in 1 of 2 comparisons)". Of the baselines, the text names only the first `MOST_BASELINES`. Returns an
 /// empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&Speedup, Vec<f64>)> = Vec::new();
@@ -300,8 +298,8 @@ fn gains(answers: &[Answer]) -> String {
     if all.is_empty() { String::new() } else { format!("; {they} {}", all.join(", ")) }
 }
 
-/// Returns the first part of the summary: the strategies that win most groups, and in how many of
-/// the groups they win.
+/// Returns the first part of the summary: the strategies that win the largest number of groups, and this
+/// number.
 fn who_wins(answers: &[Answer]) -> String {
     let won = |name: &str| answers.iter().filter(|one| one.winners.iter().any(|w| w.name == name)).count();
     let mut names: Vec<(&str, usize)> = Vec::new();
@@ -598,7 +596,7 @@ mod tests {
         assert_eq!([of(9.0), of(20.0)], [("unsure", true), ("clear", false)]);
     }
 
-    /// A frame of `naive` takes less than a step of the timer, so that some of its times are 0.
+    /// In this test, a frame of `naive` takes less than a step of the timer, so its measured times are 0.
     #[test]
     fn winners_are_not_certain_beside_a_point_that_is_faster_than_the_timer() {
         let zero = few("gpu", "naive", 8, 0.0, 30);
