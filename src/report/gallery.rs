@@ -10,9 +10,9 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// The largest number of bytes that all embedded pictures of a page may take together, apart from the small pictures at
-/// the top. With this limit, the page stays below 15 MB. Of the pictures that would exceed the limit, the page shows
-/// only the paths.
+/// The largest number of bytes that all embedded pictures of a page may take together, apart from the small pictures
+/// at the top. With this limit, the page usually stays below 15 MB. Of the pictures that would exceed the limit, the
+/// page shows only the paths.
 const PICTURE_BYTES: usize = 9_000_000;
 /// Width in pixels of the small picture of each scene at the top of a report.
 const THUMBNAIL: u32 = 120;

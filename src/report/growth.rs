@@ -11,8 +11,7 @@ use crate::numbers::by;
 use crate::record::Group;
 
 /// Returns up to two plots for each device: times over the number of triangles, and times over the number of
-/// pixels. A plot is left out if all measured scenes or image sizes have the same number of triangles or
-/// pixels.
+/// pixels. A plot is left out if all its times belong to the same number of triangles, or of pixels.
 pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let of_device = |(index, device): (usize, &str)| {
         let own: Vec<_> = groups.iter().filter(|group| group.device == device).collect();

@@ -5,15 +5,16 @@ use crate::words::counted_are;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-/// Returns the records of all folders. If two folders measured the same point under different conditions
-/// (driver, machine, program or timing), the keys of the two records differ. If a device has records with
-/// such different keys, each folder's records get the folder's label after the device's name, so that the
-/// results are shown separately. If the point is a baseline, its device is the host, whose name does not
-/// change. For a baseline, the folder's label is added to the names of all baselines in the folder's records,
-/// not to the name of the host. Scenes that have the same name but different content also get the label of
-/// their folder. If a point was measured twice under the same conditions, the keys of the two records are
-/// equal. Of two records with equal keys, only the later folder's record is returned, with the later folder's
-/// names for the device and the strategy. The records of a single folder are returned unchanged.
+/// Returns the records of all folders. If two folders measured the same point under different conditions (driver,
+/// machine, program or timing), the keys of the two records differ. If a device has records with such different keys,
+/// then in all of the device's records, the label of the record's folder is added to the device's name, so that the
+/// results are shown separately. If the point is a baseline, its device is the host, whose name does not change. For
+/// a baseline, the folder's label is added to the names of all baselines in the folder's records, not to the name of
+/// the host. Scenes that have the same name but different content also get the label of their folder. If a point was
+/// measured twice under the same conditions, the keys of the two records are equal. Of two records with equal keys,
+/// only the later folder's record is returned, with the later folder's names for the device and the strategy. (Both
+/// records are returned if the earlier record cannot get these names, because another record of its folder has them.)
+/// The records of a single folder are returned unchanged.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     let all = labelled(folders, &labels(folders)).concat();
     if folders.len() == 1 { all } else { latest(all, point) }
@@ -72,8 +73,8 @@ impl<'a> Origins<'a> {
         folder.records.is_empty() || self.folder_indices.values().any(is_own)
     }
 
-    /// Returns a note on the points of which [`merged`] leaves out the records of earlier folders; `None` if there are
-    /// none.
+    /// Returns a note on the points that several folders measured: of each such point, [`merged`] returns only the
+    /// last folder's record. Returns `None` if there are no such points.
     pub fn left_out(&self) -> Option<String> {
         (self.repeated > 0).then(|| {
             format!(
@@ -95,8 +96,8 @@ impl<'a> Origins<'a> {
         let all = group.baselines(groups);
         let best = group.best_where(|_| true).or(group.records.first().copied());
         let Some(index) = best.and_then(|best| self.index(best)) else { return all };
-        // A baseline has the same key in all folders of a machine, and `groups` has only the last folder's record of
-        // it. The folder's own record was measured together with the point.
+        // A baseline can have the same key in several folders of a machine; `groups` then has only the last folder's
+        // record of this baseline. The folder's own record was measured together with the point.
         let own = group.baselines(&crate::record::groups(&self.baselines[index]));
         if !own.is_empty() {
             return own;
@@ -202,9 +203,8 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
 /// Gives the devices and strategies of a folder's records the names that they have in the records `later` of
 /// a later folder. Two records with equal keys, one from each folder, show which names in the two folders
 /// belong to the same device or strategy. A record keeps its names if, with the new names, it would seem to
-/// belong to the same point as another record of its folder. If no two devices get the same name, the
-/// function renames all devices before the strategies, so that a record gets the new name of its device even
-/// if it keeps the old name of its strategy.
+/// belong to the same point as another record of its folder. But if all devices have different new names, the
+/// function first renames the devices in all records; a record can then keep only the old name of its strategy.
 fn rename(records: &mut [Record], later: &[Record]) {
     let devices = device_names(records, later);
     let stay_apart = stay_apart(records, &devices);
@@ -330,8 +330,9 @@ mod tests {
         merged(folders).into_iter().map(|record| (record.key, record.device, record.name)).collect()
     }
 
-    /// In this test, two devices of the second folder's machine had the same name, so the device got a longer
-    /// name than in the first folder. The second folder's config gives another name to a strategy.
+    /// In this test, the second folder's machine has two devices of the same name. For this reason, the first
+    /// folder's device has a longer name in the second folder. The second folder's config gives another name to a
+    /// strategy.
     #[test]
     fn a_record_whose_key_a_later_folder_has_too_is_shown_once_under_the_later_names() {
         let [one, other] = [

@@ -88,12 +88,12 @@ fn whose(compute_capability: Option<&str>, assumed: usize, all: usize) -> String
              assumes the paper's {PAPER_REGISTERS} registers per thread."
         ),
         Some(cc) => format!(
-            "The prediction is for this device's compute capability, {cc}, and assumes the paper's {PAPER_REGISTERS} registers per thread, because OpenCL does not report a kernel's registers."
+            "The prediction is for this device's compute capability, {cc}, and assumes the paper's {PAPER_REGISTERS} registers per thread, because the registers of the compiled kernels are unknown."
         ),
         None => format!(
-            "OpenCL does not describe the multiprocessors of this device. The prediction is therefore that of the \
-             paper's Figure 5 (compute capability {PAPER_CAPABILITY}), corrected for the paper's {PAPER_REGISTERS} \
-             registers per thread."
+            "OpenCL does not describe the multiprocessors of this device. The prediction is therefore for the GPU of \
+             the paper's Figure 5 (compute capability {PAPER_CAPABILITY}), with the paper's {PAPER_REGISTERS} registers \
+             per thread, which Figure 5 ignores."
         ),
     }
 }
@@ -257,7 +257,8 @@ mod tests {
         assert_eq!(plotted(&[fastest]), plotted(&[]));
     }
 
-    /// Smaller local sizes have a lower predicted occupancy. The times of `naive` differ by less than the samples show.
+    /// Smaller local sizes have a lower predicted occupancy. The times of `naive` differ so little that all its local
+    /// sizes tie.
     #[test]
     fn a_strategy_whose_local_sizes_tie_has_no_rank_correlation() {
         use crate::record::fixtures::{judged, measured};
@@ -295,6 +296,6 @@ mod tests {
             "{assumed}"
         );
         let of_paper = whose(None, 12, 12);
-        assert!(of_paper.contains("Figure 5 (compute capability 2.0), corrected"), "{of_paper}");
+        assert!(of_paper.contains("Figure 5 (compute capability 2.0), with"), "{of_paper}");
     }
 }

@@ -1,7 +1,7 @@
 //! Computes the change of a point's time from one run to another. A machine's speed differs from run to run.
 //! Each time is therefore first divided by a reference time from the same rounds: the time of the anchor (a
-//! fixed kernel), or the mean time of baselines or of other points. Times on different devices are not
-//! divided by those of other points, since the difference between the devices would cancel.
+//! fixed kernel), or the mean time of baselines or of other kernels. If the two runs used different devices,
+//! times are not divided by those of other kernels: the factor by which one device is faster would cancel.
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
@@ -12,9 +12,9 @@ use std::collections::{HashMap, HashSet};
 
 /// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which
 /// both times are divided. The reference is the time of the device's anchor, if both runs measured the same
-/// anchor. Otherwise, the reference is the mean time of the point's `references`. Where devices differ and have
-/// no common reference, the times themselves are compared. Returns `None` if the point has no reference
-/// although its device is the same, or if a record has too few samples or times of 0.
+/// anchor. Otherwise, the reference is the mean time of the point's `references`. If the two runs used different
+/// devices and have no reference in common, the times themselves are compared. Returns `None` if both runs used
+/// the same device and the point has no reference, or if a record has too few samples or times of 0.
 pub(super) fn change(pair: Both<'_>, references: &References<'_>) -> Option<(Interval, Against)> {
     if let Some(change) = against_anchor(pair) {
         return Some((change, Against::Anchor));
@@ -37,8 +37,8 @@ type Devices<'a> = [&'a str; 2];
 
 /// The references of all compared points. Which points are the references of a point depends only on the
 /// rounds in which the two runs measured this point and, if the references are kernels, on the point's
-/// device. The key of the map identifies these rounds (see [`rounds`]). The device beside references is
-/// `None` if they are the references of all points of the rounds.
+/// device. The key of the map identifies these rounds (see [`rounds`]). In a value of the map, the names of the
+/// device are `None` if the references are those of all points of the rounds.
 pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], Vec<(Option<Devices<'a>>, Found<'a>)>>);
 
 impl<'a> References<'a> {
@@ -76,8 +76,8 @@ impl<'a> References<'a> {
         of_rounds.iter().find(|(device, _)| device.is_none_or(is_own)).map(|(_, found)| found)
     }
 
-    /// Returns true if the point's times are compared without a reference, because the devices of all kernels
-    /// of the same rounds differ, and no baseline is the same.
+    /// Returns true if the point's times are compared without a reference, because the two runs measured no
+    /// kernel of the point's rounds on the same device, and have no baseline in common.
     fn are_bare(&self, pair: Both<'_>) -> bool {
         self.found(pair).is_some_and(|(_, against)| *against == Against::BareTimes)
     }
@@ -103,12 +103,12 @@ fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
     Some([rounds_of(before)?, rounds_of(after)?])
 }
 
-/// Returns those of the points `beside` by whose mean time other times are divided (the references), with the
-/// device whose points have these references, or `None` for all points. All points in `beside` were measured
-/// in the same rounds. If both runs measured baselines among them with the same program, these baselines are
-/// the references. Without such baselines, the references are kernels (see [`of_each_device`]). If the two
-/// devices of every kernel are a pair of `other_devices`, there are no references, since the factor by which
-/// one device is faster would cancel.
+/// Returns those of the points `beside` by whose mean time other times are divided (the references). Beside
+/// the references stand the names of the device whose points have these references, or `None` if all points
+/// have them. All points in `beside` were measured in the same rounds. The baselines that have the same key in
+/// both runs are the references of all points. Without such baselines, the references are kernels (see
+/// [`of_each_device`]), but there are no references if the two devices of every kernel are a pair of
+/// `other_devices`: the factor by which one device is faster would cancel.
 fn among_group<'a>(
     beside: &[Both<'a>],
     other_devices: &HashSet<Devices<'a>>,
@@ -126,9 +126,9 @@ fn among_group<'a>(
     }
 }
 
-/// Returns, for each device, those of its `kernels` whose times changed by similar factors (see [`alike`]); no kernels
-/// if no majority of them changed by similar factors. Leaves out devices with fewer than three kernels, since nobody
-/// could know which of two kernels became faster or slower.
+/// Returns, for each device, the half of its `kernels` whose changes are closest to the median change (see
+/// [`alike`]); no kernels if one half of them has clearly larger changes than the other half. Leaves out devices with
+/// fewer than three kernels, since nobody could know which of two kernels became faster or slower.
 fn of_each_device<'a>(kernels: &[Both<'a>]) -> Vec<(Option<Devices<'a>>, Found<'a>)> {
     let mut of_devices: HashMap<Devices<'a>, Vec<Both<'a>>> = HashMap::new();
     for &pair in kernels {
@@ -147,14 +147,14 @@ fn against_anchor(pair: Both<'_>) -> Option<Interval> {
     Some(change.over_up_to(unshared_delay(pair.0, pair.1)))
 }
 
-/// The changes of two points are clearly apart if the larger change is larger by more than this fraction, even at
-/// the lower end of the 95% interval.
+/// The changes of two points are clearly apart if the larger change, divided by the smaller change, exceeds 1 by more
+/// than this fraction in the whole 95% interval.
 const APART: f64 = 0.02;
 
 /// Returns the half of the points in `beside` whose changes are closest to the median change. `beside` must
 /// not be empty. If a change of code made a minority of points slower, these points are not in the returned
-/// half. Returns no points if there is no majority: of an even number of points, one half may have become slower, or
-/// the other half faster.
+/// half. Returns no points if the number of points is even, and one half has clearly larger changes than the other
+/// half: one half may have become slower, or the other half faster.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),
@@ -186,10 +186,10 @@ pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio_apart(after, before)?, Against::BareTimes))
 }
 
-/// Compares the times of a point with the kernels of two folders. `raycl run --resume` may have measured the point with
-/// the kernels of one folder in an earlier session. If the point's two records were measured in different sessions,
-/// their samples are not close in time, and the times are compared like times of two runs. Returns `None` if a record
-/// has too few samples or times of 0.
+/// Compares the two times of a point: with the kernels of the first folder, and with those of the second. `raycl run
+/// --resume` may have measured the point with the kernels of one folder in an earlier session. If the point's two
+/// records were measured in different sessions, their samples are not close in time, and the times are compared like
+/// times of two runs. Returns `None` if a record has too few samples or times of 0.
 pub fn of_kernels((before, after): Both<'_>) -> Option<(Interval, Against)> {
     if !are_together(before, after) {
         return bare((before, after));

@@ -187,8 +187,8 @@ impl Comparison {
         self.pairs.iter().filter(|pair| pair.verdict == verdict).count()
     }
 
-    /// Returns one line for each regression of more than `limit_percent`, and for each point that was
-    /// measured in the first folder and failed in the second folder. About one in 50 comparisons of a program with
+    /// Returns one line for each regression of more than `limit_percent`, and for each point that was measured in the
+    /// first folder and has another outcome in the second folder. About one in 50 comparisons of a program with
     /// itself reports a regression (up to one in 25 with two launches).
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)

@@ -1,5 +1,5 @@
-//! Notes on a comparison: how the devices and the processors of the two folders differ, relative to which
-//! measurements the changes were computed, which points have the verdict "cannot tell", and which points
+//! Notes on a comparison. They say how the devices and the distances between processors differ, to which
+//! measurements the changes are relative, which points have the verdict "cannot tell", and which points
 //! `--fail-on-regression` does not test.
 
 use super::Comparison;
@@ -18,9 +18,9 @@ const OTHER_DEVICES: &str = "because the devices differ, and no baseline was mea
 
 /// Returns a note for each pair of corresponding devices that differ in their names, or in properties that
 /// affect times. `devices` contains the names of corresponding devices in the two folders. A property that
-/// one of the folders does not contain is not compared. The note names the environment variables that the
-/// user has set. The note marks variables that raycl has set. The note leaves out variables of raycl that
-/// only determine the number of threads, because the number of threads is a separate property.
+/// one of the folders does not contain is not compared. One of these properties is the list of environment
+/// variables that affect times. In this list, the note marks the variables that raycl has set, but leaves them
+/// out if they set the number of threads, because the number of threads is a property of its own.
 pub(super) fn different_devices(
     folders: [&Folder; 2],
     labels: &[String; 2],
@@ -42,8 +42,8 @@ pub(super) fn different_devices(
     devices.iter().filter_map(note).collect()
 }
 
-/// Returns the elements of the list `own`, a property of a device, that `other`, the same property of another
-/// device, lacks.
+/// Returns the elements of the list `own` that are not in the list `other`. The lists are the same property of two
+/// devices.
 fn not_in<'a>(other: &'a [String], own: &'a [String]) -> impl Iterator<Item = &'a String> {
     own.iter().filter(move |part| !other.contains(part))
 }
@@ -68,7 +68,7 @@ fn described(folder: &Folder, device: &str) -> Value {
 
 /// Returns the properties of a device that affect its times. A known property is a list of texts that a note
 /// can show, such as "8 threads"; an unknown property is `None`. PoCL has as many compute units as threads,
-/// so a device with threads has no property for its compute units.
+/// so the compute units count as unknown if the number of threads is known.
 fn properties(device: &Value) -> [Option<Vec<String>>; 7] {
     let text = |key: &str| device[key].as_str().map(|text| vec![text.to_owned()]);
     let count = |key: &str, what: &str| {
@@ -94,9 +94,9 @@ pub(super) fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Opti
         let [before, after] = [before, after].map(|ns| significant(ns, 2));
         let [first, second] = labels;
         format!(
-            "The core-to-core latency was {before} ns in {first} and {after} ns in {second}: the processors were at different \
-             distances from each other. Other distances can change times, above all those of kernels whose work-groups \
-             share data."
+            "The core-to-core latency was {before} ns in {first} and {after} ns in {second}: the processors \
+             of one run were probably farther apart than those of the other run. The distance between \
+             processors affects times, above all those of kernels whose work-groups share data."
         )
     })
 }
@@ -196,8 +196,8 @@ impl Comparison {
         let names: Vec<String> = unknown.map(|pair| pair.point(self.several_devices)).collect();
         (!names.is_empty()).then(|| {
             format!(
-                "The verdict is \"cannot tell\" for {}. Nothing shows how much the machine's speed changed. For this \
-                 purpose, the rounds of these kernels would have to contain, in both folders, the same anchor kernel, the \
+                "The verdict is \"cannot tell\" for {}. Nothing shows how much the machine's speed changed. To show \
+                 this, the rounds of these kernels would have to contain, in both folders, the same anchor kernel, the \
                  same baseline, or the same three or more kernels of one device, most of which changed by similar factors. \
                  With `--times`, the measured times are compared, and changes include every difference between the runs.",
                 which(&names)
@@ -205,8 +205,8 @@ impl Comparison {
         })
     }
 
-    /// Returns a note on the points that [`Self::regressions`] does not test because the second folder has no
-    /// record of them; `None` if the second folder has records of all points.
+    /// Returns a note on the points that were measured in the first folder, but that [`Self::regressions`] does
+    /// not test because the second folder has no record of them; `None` if there are no such points.
     pub fn lost_points(&self) -> Option<String> {
         (!self.lost.is_empty()).then(|| {
             format!(

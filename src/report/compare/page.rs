@@ -67,7 +67,7 @@ impl Comparison {
     fn rows(&self) -> Vec<Row> {
         let several = self.has_several_devices();
         let mut pairs: Vec<_> = self.pairs.iter().collect();
-        // A change to half the time counts as large as a change to twice the time. Points whose change is
+        // Half the time and twice the time count as equally large changes. Points whose change is
         // unknown come last.
         let size = |pair: &Pair| pair.change.map_or(-1.0, |(change, _)| change.middle.ln().abs());
         pairs.sort_by(|a, b| size(b).total_cmp(&size(a)));

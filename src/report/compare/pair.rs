@@ -45,17 +45,15 @@ pub enum Against {
 }
 
 impl Pair {
-    /// Returns the change as a percentage of the first time, which is positive if the second time is longer. `None` if
-    /// the change is unknown.
+    /// Returns the change in percent (positive if the point became slower); `None` if the change is unknown.
     pub fn change_percent(&self) -> Option<f64> {
         self.change.map(|(change, _)| percent(change.middle))
     }
 
-    /// Formats the change as "+12.3% (+10.1 to +14.2)". If the second time is at least ten times as long, the
-    /// format is "496× as long". If the second time is at most a tenth as long, the format is "20.0× as
-    /// fast". If a record has too few samples, the format is "n = 10 and 3", with the numbers of samples in
-    /// the two folders. If the change is unknown although both records have enough samples, the returned text
-    /// is "?".
+    /// Formats the change as "+12.3% (+10.1 to +14.2)". If the change is a factor of at least 10, the format is "496×
+    /// as long". If the change is a factor of at most 0.1, the format is "20.0× as fast". If a record has too few
+    /// samples, the format is "n = 10 and 3"; the two numbers are the two records' smallest numbers of samples in a
+    /// launch. If the change is unknown although both records have enough samples, the returned text is "?".
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {
@@ -132,8 +130,8 @@ fn named(record: &Record, strategy: &str, device: bool) -> String {
 }
 
 /// Returns the name of the strategy that two records have in common. If their kernels are from different folders,
-/// the returned name lacks the folder with which each record's name ends. If both have kernels of the same
-/// folder, the name keeps it: the two compared runs may have measured kernels of another folder too.
+/// the returned name lacks the folder with which each record's name ends. If both records have kernels of the
+/// same folder, the name keeps this folder: the compared runs may have measured kernels of another folder, too.
 pub(super) fn strategy((before, after): Both<'_>) -> &str {
     let folder = before.kernels_of.as_ref().filter(|_| before.kernels_of != after.kernels_of);
     let folder = folder.map(|kernels| format!(" ({kernels})"));

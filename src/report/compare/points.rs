@@ -6,13 +6,12 @@ use std::collections::{HashMap, HashSet};
 
 /// The rules by which the points of two compared folders correspond.
 ///
-/// Points correspond if their records have the same key. Points without a record of the same key in the other
-/// folder correspond if their scenes, image sizes, strategies' names and local sizes are equal, and their
-/// devices correspond. Devices correspond if their names are equal, or if records with equal keys show that
-/// the devices are the same. If each folder has results of only one device, these two devices correspond
-/// whatever their names are, so that results of different machines can be compared. Scenes correspond if
-/// their contents are equal. If either folder did not record the contents, scenes correspond if their names
-/// are equal.
+/// Points correspond if their records have the same key. Points without a record of the same key in the other folder
+/// correspond if their scenes correspond, their devices correspond, and their image sizes, strategies' names and
+/// local sizes are equal. Devices correspond if their names are equal, or if records with equal keys show that the
+/// devices are the same. If each folder has results of only one device, these two devices correspond whatever their
+/// names are, so that results of different machines can be compared. Scenes correspond if their contents are equal.
+/// If a record of either folder lacks the hash of its scene's content, scenes correspond if their names are equal.
 pub struct Correspondence<'a> {
     /// The keys that have records in both folders.
     common_keys: HashSet<&'a str>,

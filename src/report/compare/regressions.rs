@@ -60,7 +60,8 @@ pub fn left_out(comparison: &Comparison) -> Option<String> {
     };
     (!lacking.is_empty()).then(|| {
         format!(
-            "`--fail-on-regression` cannot test these means, or can test them only without some of their points: {}. {why}",
+            "`--fail-on-regression` cannot test these mean changes, or can test them only without some points: \
+             {}. {why}",
             lacking.iter().map(name).collect::<Vec<_>>().join(", ")
         )
     })
@@ -167,11 +168,12 @@ fn mean<'a>(
     Mean { strategy, points: pairs.len(), tested, lacks_only_in_common, change }
 }
 
-/// Returns the mean change of points that were measured together, on one device; `None` if the points have no
-/// references (other work by whose times their times are divided). Without an anchor and without baselines,
-/// only points that are not part of the mean can be references, so the mean of all points has none.
-/// `controls` are control points of the mean's strategy that blocks borrowed (measured although they belong
-/// to other blocks). Neither these control points nor the points of `group` can be references.
+/// Returns the mean change of points that were measured together, on one device; `None` if the points' times must be
+/// divided by those of other work (references), but there is no such work. Without an anchor and without baselines,
+/// only kernels that are not part of the mean can be references, so the mean of all points has no references.
+/// `controls` are the control points of the mean's strategy (of all strategies for the mean of all points) that
+/// blocks borrowed (measured although they belong to other blocks). Neither these control points nor the points of
+/// `group` can be references.
 fn change_of_group<'a>(
     group: &[&'a Pair],
     controls: &[Both<'a>],
