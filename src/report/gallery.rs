@@ -24,7 +24,7 @@ pub struct Picture {
     pub kind: String,
     /// The picture's caption.
     pub caption: String,
-    /// The picture as a `data:` URL; `None` if the picture's file is missing, or if the picture was left out
+    /// The picture as a `data:` URL; `None` if the picture's file cannot be read, or if the picture was left out
     /// to keep the page small.
     pub data: Option<String>,
     /// The picture's path in its folder of results.
@@ -197,7 +197,8 @@ fn traversal(record: &Record) -> &'static str {
 
 fn tests_caption(record: &Record) -> String {
     let how = if record.tests_every_triangle() {
-        "a primary ray tests every triangle, and a shadow ray stops at the first triangle that it hits"
+        "a primary ray tests every triangle, and a shadow ray stops at the first triangle that it hits \
+         (in a scene with cut-outs, a shadow ray is counted as if it tested every triangle)"
     } else {
         "only triangles in leaves that the rays reach"
     };

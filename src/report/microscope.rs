@@ -101,7 +101,8 @@ pub fn microscope_page(
 /// Returns the command (`raycl compile`) that writes this page for a record's point on `device`. Returns
 /// `None` if the record lacks the local size or the scene's file. Also returns `None` if the run changed
 /// values of the scene, or if it cast several samples per pixel. A run that compared two folders of kernels
-/// gives `None` too, since records do not contain the paths of these folders.
+/// gives `None` too, since records do not contain the paths of these folders. If the run used a single folder of
+/// kernels (`--cl-dir`), the command lacks this folder, so its page shows the built-in kernels instead.
 pub(super) fn command(record: &Record, device: &str) -> Option<String> {
     let is_plain =
         record.scene_values.is_empty() && record.samples_per_pixel.is_none() && record.kernels_of.is_none();

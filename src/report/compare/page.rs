@@ -51,7 +51,7 @@ impl Comparison {
              measured the point with both folders of kernels. The change is the second folder's \
              quotient (or time), divided by the first folder's. A point is faster or slower if the 95% \
              interval of its change lies completely beyond {0}% in one direction. The point is the same if the interval lies \
-             completely within {0}% in both directions, and unclear otherwise. At most one point in 40 is \
+             completely within {0}% in both directions, and unclear otherwise. Nominally, at most one point in 40 is \
              wrongly called faster, and at most one in 40 wrongly called slower. Points with fewer than five \
              samples in a launch, or with a sample of the time 0, are not judged.",
             self.threshold_percent()
