@@ -1,5 +1,5 @@
-//! Draws the plots that cover several groups of points: the plots of all scenes on a device, and the plots of
-//! pairs of devices.
+//! Draws two kinds of plots of several groups of points: plots of all scenes on a device, and plots of pairs of
+//! devices.
 
 use super::merged::Origins;
 use super::plot::Plot;
@@ -10,12 +10,13 @@ use crate::numbers::by;
 use crate::record::{Group, HOST, Record, interval, median};
 use std::collections::HashMap;
 
-/// The largest number of devices for which each pair of devices has a plot. The number of pairs grows with
-/// the square of the number of devices. If there are more devices than this number, each device is compared
-/// only with the device that has the most times.
+/// The largest number of devices for which each pair of devices has a plot. With more devices, each device is compared
+/// only with the device that has the most times, since the number of pairs grows with the square of the number of
+/// devices.
 const MOST_WITH_ALL_PAIRS: usize = 8;
 
-/// A device's name, and the device's records, sorted by rank (the fastest first) within each group of points.
+/// A device's name, and the device's records that have a time. Within each group of points, the fastest records come
+/// first, and records without a rank last.
 type OfDevice<'a> = (&'a str, Vec<&'a Record>);
 
 /// Returns a plot for each device with several scenes or image sizes. The plot shows the best time of every
@@ -45,13 +46,14 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks, origins: &Origins<'_>) -> Vec
             diagonal: false,
             series,
         };
-        let caption = "Each strategy is shown at the local size at which it is fastest. Lower marks are faster. Baselines on the host are included, if there are any.";
+        let caption = "Each mark shows a strategy at the local size at which it is fastest for the scene and image size of the mark's column. Lower marks are faster. Baselines on the host are included, if there are any.";
         Some(Plot::of(numbered("scenes", index), caption, &chart))
     };
     devices(groups).into_iter().enumerate().filter_map(plot).collect()
 }
 
-/// Returns the group of the baselines that the machine of another group's fastest point measured.
+/// Returns, as a group, the baselines of the machine that measured the fastest point of `group`. These baselines have
+/// the scene and the image size of `group`.
 fn of_host<'a>(group: &Group<'a>, groups: &[Group<'a>], origins: &'a Origins<'_>) -> Group<'a> {
     let records = origins.baselines(group, groups);
     Group { scene: group.scene, image_size: group.image_size, device: HOST, records }
@@ -91,7 +93,7 @@ pub(super) fn best_of_each(
         };
         let mut seen: Vec<String> = Vec::new();
         // The ranking lists the fastest records first, so the first record of each strategy is the strategy's best.
-        // Points with too few samples come last.
+        // Records with too few samples, or with times of 0, come last.
         for record in group.ranking().all() {
             let name = series_name(record);
             if seen.contains(&name) {
@@ -114,9 +116,10 @@ pub(super) fn best_of_each(
     series
 }
 
-/// Returns a plot for each pair of devices that measured the same points: the plot shows one device's times
-/// over the other device's times. With more than `MOST_WITH_ALL_PAIRS` devices, only the pairs that include
-/// the device with the most times have plots, and the returned note says so.
+/// Returns a plot for each pair of devices that both have a time for at least one common combination of scene, image
+/// size, strategy and local size. The plot shows one device's times against the other device's times. With more than
+/// `MOST_WITH_ALL_PAIRS` devices, only the pairs that include the device with the most times have plots, and the
+/// returned note says so.
 pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> (Vec<Plot>, Option<String>) {
     // A ranking computes a ratio for every point, so each group is ranked once, and not again for every pair.
     let of = |device| -> OfDevice<'_> {
@@ -176,7 +179,7 @@ fn pair(
         series,
     };
     let caption = format!(
-        "Each dot is a point that was measured on both devices. Below the line of equal times, {other} is faster; above this line, {one} is faster. Bars are 95% intervals of the times on {other}."
+        "Each mark shows a point that was measured on both devices. Below the line of equal times, {other} is faster; above this line, {one} is faster. Bars are 95% intervals of the times on {other}."
     );
     (!chart.series.is_empty()).then(|| Plot::of(numbered("devices", index), caption, &chart))
 }
@@ -187,7 +190,8 @@ mod tests {
     use crate::record::fixtures::{few, judged, measured, sampled};
     use crate::record::groups;
 
-    /// Returns the plots of a single folder.
+    /// Returns the plots of groups whose folders are unknown. Each plot therefore shows all baselines of its scenes and
+    /// image sizes.
     fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
         super::scenes(groups, looks, &Origins::of(&[]))
     }

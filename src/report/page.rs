@@ -50,8 +50,8 @@ pub struct Page {
 /// The plots and the table of one group of points (one scene at one image size on one device).
 pub struct View {
     id: String,
-    /// True for the view that a browser shows when it opens the page. The first view is that of a group whose
-    /// scene has the most triangles.
+    /// True for the view that a browser shows when it opens the page: the view of a group whose scene has the most
+    /// triangles.
     first: bool,
     title: String,
     /// Notes that raycl made when it read the group's scene.
@@ -87,8 +87,8 @@ pub struct Row {
     wins: bool,
 }
 
-/// A row of the table of machines: the time on one machine of a control point (a point that several machines measured,
-/// so that the machines can be compared).
+/// A row of the table of hosts: the time of a control point on one host. (Every block of a group measures the group's
+/// control point, so that points of different blocks can be compared.)
 pub struct HostRow {
     point: String,
     host: String,

@@ -190,7 +190,7 @@ fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
 
 fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> String {
     let roofs = match (with_roofs, unreadable) {
-        (true, _) => "Dashed lines are the device's rates as measured by `raycl peak`. A point above a memory's roof \
+        (true, _) => "Dashed lines are roofs: the device's measured peak rates. A point above a memory's roof \
                       gets its data from caches or another memory."
             .to_owned(),
         (false, []) => "The device's rates, which a roofline shows as roofs, were not measured with these records, \
@@ -434,7 +434,7 @@ mod tests {
         let roofs = roofs(&peak(), [0.25, 16.0], &Looks::default());
         let corner = |mark: &Mark| [mark.x, mark.y.round()];
         let corners = |index: usize| roofs[index].marks.iter().map(corner).collect::<Vec<_>>();
-        // All numbers are per second, in units of 10^9. At 0.25 operations per byte, the memory's 1000 bytes
+        // All rates are per second, in units of 10^9. At 0.25 operations per byte, the memory's 1000 bytes
         // allow 250 operations. The peak rate of multiply-adds is 4000.
         assert_eq!(corners(0), [[0.25, 250.0], [4.0, 4000.0], [16.0, 4000.0]]);
         assert_eq!(corners(1), [[0.25, 2000.0], [0.5, 4000.0], [16.0, 4000.0]]);

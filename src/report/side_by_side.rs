@@ -15,8 +15,9 @@ const ROOM: usize = 12;
 /// The end of the captions of both heat maps.
 const HOW_TO_READ: &str = " A ring marks a mean below 1.01 over all combinations of scene and image size. \
                            (1 of 2) means that the value is the mean over only one of two combinations: in the \
-                           other combination, there is no time, or one with too few samples or with samples of \
-                           0 ms. Such a value has no ring.";
+                           other combination, there is no time, or the time cannot be compared because the point \
+                           has too few samples or samples of 0 ms. A mean over only a part of the combinations \
+                           has no ring.";
 
 /// A group, and those of its records that have a rank (enough samples, none of which is 0), the fastest
 /// first.
@@ -76,9 +77,9 @@ fn strategies(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     )
 }
 
-/// Returns a heat map with a row and a column per device. A cell belongs to the point (strategy and local
-/// size) that is the fastest on the row's device. The cell shows this point's time on the column's device,
-/// divided by the best time on the column's device.
+/// Returns a heat map with a row and a column per device. A cell is computed from the points (strategy and local size)
+/// that are the fastest on the row's device, one point for each scene and image size. Each point's time on the column's
+/// device is divided by the best time on the column's device. The cell shows the geometric mean of these ratios.
 fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
     let row = |from: &&str| {
         let cell = |on: &&str| {
@@ -99,9 +100,10 @@ fn losses(groups: &[Ranked<'_, '_>], devices: &[&str]) -> Plot {
         (format!("best of {from}"), devices.iter().map(cell).collect())
     };
     let rows = devices.iter().map(row).collect();
-    let caption = "Each cell belongs to the point (strategy and local size) that is the fastest on the row's \
-        device. The value is this point's time on the column's device, divided by the best time on that device, as \
-        the geometric mean over the combinations of scene and image size that were measured on both devices.";
+    let caption = "Each cell is computed from the points (strategy and local size) that are the fastest on the row's \
+        device, one point for each combination of scene and image size. Each point's time on the column's device is \
+        divided by the best time on the column's device. The cell shows the geometric mean of these ratios over the \
+        combinations that were measured on both devices.";
     plot(
         "losses-by-device",
         "Time of one device's fastest point on another device, relative to the other device's best time",

@@ -12,8 +12,8 @@ use crate::measure::Ranking;
 use crate::numbers::{duration, ms};
 use crate::record::{Group, Outcome, Record, interval, median, quartiles, ratio, word};
 
-/// The image size in the figures of the student paper that raycl reproduces, in pixels across and down. Only
-/// plots for this image size show the times that the paper published.
+/// The image size in the figures of the student paper that raycl reproduces, in pixels across and down. The plots of
+/// [`lines`] show the times that the paper published only at this image size.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
 /// The largest number of characters of the word with which a heat map's cell shows the reason why a point is
 /// infeasible. If the word has more characters, the heat map's cell shows "unfit".

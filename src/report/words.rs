@@ -51,8 +51,9 @@ pub fn title(record: &Record) -> String {
     }
 }
 
-/// Returns an image size as text, such as "200 x 125", or `None` if the size is [`PAPER_SIZE`]. Pages about
-/// the student paper that raycl reproduces do not mention the image size of the paper's figures.
+/// Returns an image size as text, such as "200 x 125", or `None` if the size is [`PAPER_SIZE`]. On the page
+/// about the student paper that raycl reproduces, texts name an image size only if it differs from the size of the
+/// paper's figures.
 pub fn other_size(image_size: [u32; 2]) -> Option<String> {
     (image_size != PAPER_SIZE).then(|| by(image_size))
 }

@@ -174,7 +174,8 @@ impl Chart {
         };
         let missing = names.iter().enumerate().map(|(index, name)| {
             let width = 0.82 * LETTER * name.chars().count().min(LONGEST_SLANTED) as f64;
-            // The tick is at this part of the x axis, which becomes shorter by the additional width.
+            // The distance of the tick from the left end of the x axis, as a fraction of the axis's length. The axis
+            // becomes shorter by the additional width.
             let part = (index as f64 + 0.5) / names.len() as f64;
             (width - layout.left - part * layout.width) / (1.0 - part)
         });
@@ -197,8 +198,8 @@ impl Chart {
     }
 }
 
-/// Returns the largest number of characters of the y axis's label. The label may extend beyond each end of the
-/// axis by the room that a title of one line leaves above the axis.
+/// Returns the largest number of characters of the y axis's label. The label may extend beyond each end of the axis by
+/// the distance `layout.top`.
 fn longest_upright(layout: Layout) -> usize {
     ((layout.height + 2.0 * layout.top) / LETTER) as usize
 }

@@ -10,14 +10,16 @@ use crate::image::viridis;
 /// A cell of a heat map.
 #[derive(Clone, Debug)]
 pub enum Cell {
-    /// The cell of a point whose time can be compared.
+    /// The cell of a point whose time can be compared. In a heat map that compares devices, such a cell shows the mean
+    /// of the ratios of one or more points.
     Time {
-        /// The point's time divided by the time of the fastest of the compared points. The heat map treats a
-        /// ratio below 1 as 1.
+        /// The point's time divided by the time of the fastest of the compared points, or a mean of such ratios. The
+        /// heat map treats a value below 1 as 1.
         slower: f64,
         /// The text in the cell: the point's time, or a ratio of times.
         text: String,
-        /// True if the point is a winner: the fastest point, or a point that ties with the fastest.
+        /// True if the cell has a ring: the point is the fastest point or ties with it, or the mean of the ratios is
+        /// below 1.01.
         wins: bool,
         /// The cell's tooltip.
         tip: String,
@@ -28,10 +30,11 @@ pub enum Cell {
         /// If the point has no time, the reason as a word, which the legend explains. If the point has a time
         /// that cannot be compared, this time as text.
         code: String,
-        /// The cell's tooltip, with the full reason.
+        /// The cell's tooltip, which states the reason.
         tip: String,
     },
-    /// The experiment has no point for this cell.
+    /// A cell without content: the experiment has no point for this cell or, in a heat map that compares devices, no
+    /// ratio is known.
     Empty,
 }
 
@@ -49,8 +52,8 @@ impl Cell {
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// A name that is unique on the page. The name of the heat map's hatching pattern contains `id`, so it is
-    /// unique on the page as well.
+    /// A name that is unique on the page. The name of the heat map's hatching pattern contains `id`, so the pattern's
+    /// name is unique on the page as well.
     pub id: String,
     /// The heat map's title.
     pub title: String,
@@ -149,7 +152,7 @@ impl HeatMap {
         format!("url(#{id})")
     }
 
-    /// Returns true if a cell has a time that can be compared. A heat map without such times has no colour
+    /// Returns true if at least one cell has a time that can be compared. A heat map without such times has no colour
     /// scale.
     pub(super) fn has_times(&self) -> bool {
         self.rows.iter().flat_map(|(_, cells)| cells).any(|cell| matches!(cell, Cell::Time { .. }))
@@ -189,8 +192,8 @@ impl HeatMap {
     }
 }
 
-/// Draws the colour scale, from the colour of the fastest point to the colour of the slowest point, with
-/// labels.
+/// Draws the colour scale with its labels, from the colour of the fastest point to the colour of a point that takes
+/// `worst` times as long.
 pub(super) fn draw_scale(svg: &mut Svg, [left, top]: [f64; 2], worst: f64) {
     const STEPS: usize = 44;
     let step = SCALE_WIDTH / STEPS as f64;
@@ -259,7 +262,7 @@ pub(super) fn rect(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2], f
     );
 }
 
-/// Draws two rings that mark the cell of a winner. One ring is dark and one is light, so that one ring is
+/// Draws two rings that mark the cell of a winner. One ring is dark and one is light, so that at least one of them is
 /// visible on any background.
 pub(super) fn ring(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2]) {
     for (inset, colour, stroke) in [(1.5, INK, 3.0), (4.0, "#ffffff", 1.5)] {
@@ -365,7 +368,7 @@ mod tests {
         assert_eq!(legends(vec![none, Cell::Empty]), [[false; 2]; 2]);
     }
 
-    /// A page contains each heat map in a wide and in a narrow form. The hatching patterns of both forms need
+    /// A page contains each heat map in a wide and in a narrow form. The hatching patterns of the two forms need
     /// different names, since a name may occur only once on a page.
     #[test]
     fn the_hatching_of_each_form_of_a_map_has_a_name_of_its_own() {

@@ -39,7 +39,7 @@ impl Layout {
 
     /// Splits a title or an axis's label into lines that fit into the chart's width. On a screen, a line of
     /// the title or label must end before the end of the x axis, since not every plot has a legend on the
-    /// right. A title usually fits into a single line, although this line is short.
+    /// right. Words are not split.
     pub fn lines(&self, text: &str) -> Vec<String> {
         let whole = if self.legend_below { self.whole_width() } else { self.left + self.width };
         lines_of(text, ((whole - 2.0 * MARGIN) / BOLD_LETTER) as usize)
@@ -79,7 +79,7 @@ mod tests {
         assert_eq!((lines.len(), lines.join(" ").as_str()), (2, title));
         assert!(lines.iter().all(|line| line.chars().count() as f64 * LETTER <= NARROW.whole_width()));
         assert_eq!(NARROW.lines(""), [""]);
-        // A line of a title has room for 42 letters.
+        // On a phone, a line of a title has room for 42 letters.
         let words = |second: usize| format!("{} {}", "a".repeat(20), "b".repeat(second));
         assert_eq!([21, 22].map(|second| NARROW.lines(&words(second)).len()), [1, 2]);
     }

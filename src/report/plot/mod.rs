@@ -1,5 +1,5 @@
-//! Draws plots as SVG. A plot can be read without JavaScript. In a report, the page's JavaScript adds
-//! tooltips and switches to the plots.
+//! Draws plots as SVG. A plot can be read without JavaScript. In a report, the page's JavaScript gives the plots
+//! tooltips, and legends whose entries hide or show series.
 
 pub mod chart;
 pub mod heat;

@@ -29,7 +29,7 @@ pub fn png(svg: &str) -> Result<Vec<u8>> {
     resvg::render(&tree, tiny_skia::Transform::from_scale(SCALE, SCALE), &mut pixels.as_mut());
     let (width, height) = (size.width(), size.height());
     let mut bytes = Vec::new();
-    // The PNG encoder gets its fastest settings, since a report can have hundreds of plots.
+    // The PNG encoder compresses fast rather than well, since a report can have hundreds of plots.
     let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
     encoder
         .write_image(&pixels.take_demultiplied(), width, height, ExtendedColorType::Rgba8)

@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Equal distances on the axis mean equal differences between values. A linear scale from [`Scale::over`]
-    /// begins at 0 unless some values are negative.
+    /// begins at 0 unless some values are negative, or there are no values.
     Linear,
     /// Equal distances on the axis mean equal ratios of values.
     Log,
@@ -21,7 +21,8 @@ pub struct Scale {
 
 impl Scale {
     /// Creates a scale that contains all `values` with some margin. Ignores values that the scale cannot show, such as
-    /// 0 on a logarithmic scale. A linear scale also contains 0. If no value can be shown, the scale goes from 1 to 10.
+    /// 0 on a logarithmic scale. If no value is negative, a linear scale begins at 0. If no value can be shown, the
+    /// scale goes from 1 to 10.
     pub fn over(kind: Kind, values: impl Iterator<Item = f64>, positions: [f64; 2]) -> Self {
         let shown = values.filter(|value| value.is_finite() && (kind == Kind::Linear || *value > 0.0));
         let (low, high) = shown
@@ -151,7 +152,7 @@ mod tests {
         assert_eq!(scale.ticks(), [0.0, 50_000.0, 100_000.0, 150_000.0]);
         let scale = Scale::over(Kind::Log, [0.01, 5000.0].into_iter(), [0.0, 1.0]);
         assert_eq!(scale.ticks().len(), 6, "{:?}", scale.ticks());
-        // A logarithmic axis that spans less than a power of ten has ticks too.
+        // A logarithmic axis that spans less than a factor of ten has ticks, too.
         assert_eq!(Scale::between(Kind::Log, [2.0, 9.0], [0.0, 1.0]).ticks(), [2.0, 3.0, 4.0, 5.0, 6.0, 8.0]);
         assert_eq!(Scale::between(Kind::Log, [30.0, 600.0], [0.0, 1.0]).ticks(), [50.0, 100.0, 200.0, 500.0]);
         // On a long logarithmic axis, only every second power of ten is a tick.

@@ -1,8 +1,9 @@
 //! Shortens names so that they fit into the space that plots have for names.
 
 /// Shortens a name to at most `longest` characters; an ellipsis replaces the middle of a longer name. The
-/// beginning and the end of the name remain, since names usually differ at their ends. A name begins with the
-/// preset, and may end with the value of an axis or with the exponent of a fitted power law.
+/// beginning and the end of the name remain, since names usually differ there. For example, the name of a strategy
+/// begins with the preset, and may end with the value of an axis; in a legend, the exponent of a fitted power law may
+/// follow.
 pub fn shorten(name: &str, longest: usize) -> String {
     let length = name.chars().count();
     if length <= longest {

@@ -29,8 +29,8 @@ const MEMORY: [&str; 7] = [
 ];
 /// The bytes that a ray-triangle test reads of a ray: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
-/// If a point's median is below this fraction of the median of a point with a better rank, the medians seem
-/// to contradict the ranking. A smaller difference between two medians does not contradict the ranking.
+/// A point's median is clearly smaller than the median of another point if it is below this fraction of the other
+/// median. [`medians_contradict`] ignores smaller differences.
 const CLEARLY_SMALLER: f64 = 0.99;
 /// The sentence that the page shows after the best local sizes if medians seem to contradict the ranking of
 /// points.
@@ -381,9 +381,10 @@ fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> Str
     }
 }
 
-/// Returns a text with the ratio of the best time of the preset `naive` to the best time of all kernels, unless naive
-/// is the fastest or has no time. The text also states the number of points that tie and, if some points have no rank,
-/// their number and whether they may be as fast. Returns [`NO_WINNER`] if no point can be ranked.
+/// Returns a text with the ratio of the best time of the preset `naive` to the best time of all memory strategies. The
+/// ratio is left out if `naive` is the fastest or has no time. The text also states the number of points that tie and,
+/// if some points have no rank, their number and whether they may be as fast. Returns [`NO_WINNER`] if no point can be
+/// ranked.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));

@@ -149,8 +149,8 @@ fn multiple(record: &Record, fastest: &Record) -> Option<(f64, Option<[f64; 2]>)
 }
 
 /// Returns table rows: curve, block size, published time, raycl's time, and the published time divided by raycl's time.
-/// If raycl's image size differs from the paper's, or if raycl's time has too few samples, the last text of a row says
-/// so instead of a ratio. The text "-" stands for an unknown time or ratio.
+/// If raycl's image size differs from the paper's, or if raycl's point has too few samples or times of 0, the last text
+/// of a row says so instead of a ratio. The text "-" stands for an unknown time or ratio.
 fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
     let row = |(block, ms): &(u32, f64)| {

@@ -1,5 +1,5 @@
-//! Describes the figures of the student paper that raycl reproduces, each with raycl's version of the figure
-//! and the known differences between the two versions.
+//! Describes figures of the student paper that raycl reproduces, each with raycl's version of the figure and the known
+//! differences between the two versions.
 
 use super::curves::curves_of;
 use super::predicted::predicted;
@@ -47,10 +47,15 @@ pub struct Figure {
     pub missing: String,
 }
 
-/// Returns the descriptions of all figures, from figures.toml.
+/// Returns the descriptions of the figures in figures.toml.
 pub fn described() -> Result<Vec<Described>> {
     let file: File = toml::from_str(TABLE).map_err(|error| {
-        toml_error("figures.toml", TABLE, &error, "the first lines of figures.toml explain every key")
+        toml_error(
+            "figures.toml",
+            TABLE,
+            &error,
+            "the other figures in figures.toml show the keys of a figure",
+        )
     })?;
     Ok(file.figure)
 }

@@ -1,4 +1,4 @@
-//! Writes the content of the page of `raycl reproduce`, without plots, as JSON for programs.
+//! Writes the answers of the page of `raycl reproduce`, and the claims with their verdicts, as JSON for programs.
 
 use super::{Device, Reproduction};
 use crate::error::{Error, Result};

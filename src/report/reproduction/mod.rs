@@ -127,8 +127,8 @@ impl Reproduction {
 }
 
 /// Sorts runs by their image size: first the size of the paper's figures, then all further sizes in the order
-/// of the runs. Each section of the page uses the first of these image sizes at which the section's points
-/// were measured. If possible, all sections of the page thus show the same image size.
+/// of the runs. The answer, the curves of each figure and each comparison of a claim use the first of these image sizes
+/// at which enough of their points were measured. If possible, all of them thus use the same image size.
 fn sort_by_size(runs: &mut [Run<'_>]) {
     let mut sizes = vec![PAPER_SIZE];
     sizes.extend(runs.iter().map(Run::image_size));

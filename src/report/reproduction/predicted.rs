@@ -41,7 +41,7 @@ pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
         diagonal: false,
         series,
     };
-    let caption = "The dashed line is the paper's table, which considers only the limits on blocks and threads. With the paper's 63 registers per thread, a multiprocessor of compute capability 2.0 holds at most 512 threads and cannot launch a block of 32x32. For a device that reports its kernels' registers, the prediction for the naive kernel is shown too.";
+    let caption = "The dashed line shows the paper's predictions, which consider only the limits on blocks and threads. With the paper's 63 registers per thread, a multiprocessor of compute capability 2.0 holds at most 512 threads and cannot launch a block of 32x32. For a device that reports its kernels' registers, the prediction for the naive kernel is shown too.";
     Plot::of(format!("figure-5{suffix}"), caption, &chart)
 }
 
@@ -74,7 +74,7 @@ fn of_device(runs: &[Run<'_>], device: &str) -> Vec<Mark> {
         let (groups, kernel) = kernel;
         let registers = kernel.resources.registers.map_or("?".to_owned(), |count| count.to_string());
         let limit = kernel.occupancy_limited_by.as_deref().unwrap_or("an unknown resource");
-        // If no work-group fits, the record does not name a resource, but says that the kernel cannot launch.
+        // If no work-group fits, the record's text begins with "cannot launch", so "limited by" is left out.
         let limited_by = if groups == 0 { "" } else { "limited by " };
         Some(mark(
             *block,

@@ -27,7 +27,7 @@ pub struct Series {
     pub name: String,
     /// The appearance of the series.
     pub look: Look,
-    /// True if a line joins the series' marks, in the order of x.
+    /// True if a line joins the series' marks, in the order of `marks`.
     pub joined: bool,
     /// The series' marks.
     pub marks: Vec<Mark>,
