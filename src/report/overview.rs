@@ -121,7 +121,8 @@ pub(super) fn best_of_each(
 /// `MOST_WITH_ALL_PAIRS` devices, only the pairs that include the device with the most times have plots, and the
 /// returned note says so.
 pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> (Vec<Plot>, Option<String>) {
-    // A ranking computes a ratio for every point, so each group is ranked once, and not again for every pair.
+    // To rank a group takes time, since a ratio is computed for every point. Each group is therefore ranked once, and
+    // not again for every pair.
     let of = |device| -> OfDevice<'_> {
         let own = groups.iter().filter(|group| group.device == device);
         (device, own.flat_map(|group| group.ranking().all()).collect())

@@ -1,10 +1,11 @@
-//! The run times in milliseconds that were published in the student paper that raycl reproduces, and the configs with
-//! which `raycl reproduce` repeats the paper's experiments. The authors of raycl read the times off the plots in the
+//! The run times in milliseconds that were published in the student paper that raycl reproduces, and the configs of
+//! `raycl reproduce`. The authors of raycl read the times off the plots in the
 //! paper's Figures 6 to 8. The program contains the configs, so that `raycl reproduce` needs no further files.
 
 use include_dir::{Dir, include_dir};
 
-/// The name and the TOML text of each config that repeats experiments of the paper.
+/// The name and the TOML text of each config that `raycl reproduce` measures. These configs repeat the paper's
+/// experiments and pictures, and measure the next steps that the paper proposes.
 pub const CONFIGS: [(&str, &str); 5] = [
     ("pictures", include_str!("../../configs/pictures.toml")),
     ("figure-6", include_str!("../../configs/figure-6.toml")),
@@ -13,8 +14,7 @@ pub const CONFIGS: [(&str, &str); 5] = [
     ("next-steps", include_str!("../../configs/next-steps.toml")),
 ];
 
-/// The folder of raycl's scene files, which contains the scenes of the configs that repeat the paper's
-/// experiments.
+/// The folder of raycl's scene files, which contains the scenes of [`CONFIGS`].
 pub static SCENES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
 /// Returns the names of all scenes in the folder [`SCENES`].
@@ -39,7 +39,7 @@ pub struct Published {
 
 const CSV: &str = include_str!("assets/published_runtimes.csv");
 
-/// Returns every point that the paper published, in the order of published_runtimes.csv.
+/// Returns every point of the paper's Figures 6 to 8, in the order of published_runtimes.csv.
 pub fn published() -> Vec<Published> {
     let parse = |line: &str| {
         let mut cells = line.split(',');
@@ -54,7 +54,7 @@ pub fn published() -> Vec<Published> {
     CSV.lines().skip(1).filter_map(parse).collect()
 }
 
-/// The curves in the paper's plots. Each element has the number of the paper's figure, the curve's name in
+/// The curves in the paper's Figures 6 to 8. Each element has the number of the paper's figure, the curve's name in
 /// the figure, and the scene and the preset with which raycl repeats the curve.
 pub const CURVES: [(u32, &str, &str, &str); 7] = [
     (6, "Teapot (1026)", "teapot", "naive"),

@@ -31,7 +31,8 @@ pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     if devices.len() < 2 {
         return Vec::new();
     }
-    // A ranking computes a ratio for every point, so each group is ranked once, and not again for every cell.
+    // To rank a group takes time, since a ratio is computed for every point. Each group is therefore ranked once, and
+    // not again for every cell.
     let groups: Vec<Ranked<'_, '_>> = groups.iter().map(|group| (group, group.ranking().ranked)).collect();
     vec![strategies(&groups, &devices), losses(&groups, &devices)]
 }

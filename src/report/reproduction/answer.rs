@@ -1,5 +1,5 @@
-//! Finds the answer at the top of the page of `raycl reproduce`, which has four lines: the best memory
-//! strategy, the best local size, why these are the best, and how certain this answer is.
+//! Finds the four lines of the answer at the top of the page of `raycl reproduce`: the best memory strategy, the best
+//! local size, why the strategy is the best, and how certain this answer is.
 
 use super::with_most;
 use crate::measure::Ranking;
@@ -307,9 +307,9 @@ fn reason(best: &Record, naive: &Record) -> String {
     )
 }
 
-/// Returns a text that says that no reason can be given, because in each scene of `contests`, the preset
-/// `naive` is the fastest or ties with the fastest. If naive ties, the text also states the smallest
-/// difference that the samples can show. `all` is the number of scenes in the answer.
+/// Returns a text that says that there is no gain to explain, or that no reason can be given, because in each scene of
+/// `contests`, the preset `naive` is the fastest or ties with the fastest. If naive ties, the text also states the
+/// smallest difference that the samples can show. `all` is the number of scenes in the answer.
 fn no_reason(contests: &[&Contest<'_>], all: usize) -> String {
     let is_alone = |contest: &&Contest<'_>| names(&contest.ranking.winners).len() == 1;
     let (alone, ties): (Vec<&Contest<'_>>, Vec<&Contest<'_>>) = contests.iter().copied().partition(is_alone);
@@ -327,7 +327,8 @@ fn no_reason(contests: &[&Contest<'_>], all: usize) -> String {
     format!("no reason can be given: {scenes}{}", limit.unwrap_or_default())
 }
 
-/// Names some of the `all` scenes in the answer: "on teapot and still-life", "in both scenes".
+/// Names the scenes of `contests`: "on teapot and still-life" or, if the answer has no other scenes, "in both scenes".
+/// `all` is the number of scenes in the answer.
 fn places(contests: &[&Contest<'_>], all: usize) -> String {
     match contests.len() {
         2 if all == 2 => "in both scenes".to_owned(),

@@ -1,6 +1,6 @@
-//! Collects the data for the page of `raycl reproduce`, which repeats the experiments of a student paper: the
-//! answer to the paper's question, the paper's figures with raycl's measurements, the paper's claims with
-//! verdicts, and the contradictions within the paper.
+//! Collects the data for the page of `raycl reproduce`, which repeats the experiments of a student paper. The page has
+//! the answer to the paper's question, the paper's figures with raycl's measurements, the paper's claims with verdicts,
+//! and the contradictions within the paper.
 
 mod answer;
 mod curves;
@@ -165,8 +165,8 @@ fn has_results(folder: &Folder, device: &str) -> bool {
 }
 
 /// Returns the results of a device, without notes. `index` is the device's index on the page. `taken`
-/// contains the names of the plots that the page already has for other devices. The function adds the names
-/// of the plots in the answer for this device.
+/// contains the names of the plots that the page already has for other devices. The function adds to
+/// `taken` the names of the plots in the answer for this device.
 fn device(
     index: usize,
     name: &str,
