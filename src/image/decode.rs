@@ -1,17 +1,15 @@
 //! Opens the bytes of picture files for decoding. With [`picture_reader`], raycl opens every picture that a
-//! user or a folder of results names. The function refuses two kinds of damaged files that the decoders of
-//! the crate `image` would not refuse.
+//! user or a folder of results names. The function refuses three kinds of files that the decoders of the
+//! crate `image` would not refuse.
 
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
+use super::png_chunks::png_chunks;
 use image::codecs::png::PngDecoder;
 use image::{ImageError, ImageFormat, ImageReader};
 use std::io::{Cursor, ErrorKind};
 
-/// Number of bytes of a PNG before its first chunk.
-const PNG_SIGNATURE_BYTES: usize = 8;
-/// Number of bytes for the type and the checksum of a chunk in a PNG. The chunk's length and data are not
-/// included.
-const PNG_CHUNK_BYTES: usize = 8;
+/// The second byte of the marker of a segment in which Adobe's programs state how a JPEG stores its colours.
+const APP14: u8 = 0xee;
 /// The message about a picture file whose last bytes are missing.
 const CUT_OFF: &str = "the file ends before the picture is complete";
 
@@ -20,8 +18,8 @@ const CUT_OFF: &str = "the file ends before the picture is complete";
 ///
 /// # Errors
 ///
-/// Fails if neither the bytes nor the file's name show the format, or if the file is damaged in a way that
-/// the decoder would not report. The error's text says why the picture cannot be decoded.
+/// Fails if neither the bytes nor the file's name show the format, or if the file is damaged or unclear in a way
+/// that the decoder would not report. The error's text says why the picture cannot be decoded.
 pub fn picture_reader(
     bytes: &[u8],
     by_name: Option<ImageFormat>,
@@ -32,6 +30,7 @@ pub fn picture_reader(
         Some(ImageFormat::Jpeg) if !is_complete(bytes) => {
             return Err(CUT_OFF.to_owned());
         }
+        Some(ImageFormat::Jpeg) => check_channels(bytes)?,
         _ => {}
     }
     let format = shown.or(by_name).ok_or("its first bytes are those of no known format")?;
@@ -70,15 +69,38 @@ fn with_plain_chunk(line: &str) -> Option<String> {
 /// Returns an error if the palette of a PNG ends within a colour. The crate `png` 0.18.1 panics if a palette
 /// ends within a colour.
 fn check_palette(bytes: &[u8]) -> Result<(), String> {
-    let mut rest = bytes.get(PNG_SIGNATURE_BYTES..).unwrap_or_default();
-    while let Some((length, after)) = rest.split_first_chunk::<4>() {
-        let length = u32::from_be_bytes(*length) as usize;
-        if after.starts_with(b"PLTE") && !length.is_multiple_of(3) {
-            return Err(format!("its palette has {length} bytes; expected a multiple of 3"));
-        }
-        rest = after.get(length.saturating_add(PNG_CHUNK_BYTES)..).unwrap_or_default();
+    let odd = png_chunks(bytes).find(|(kind, length, _)| *kind == b"PLTE" && !length.is_multiple_of(3));
+    odd.map_or(Ok(()), |(_, length, _)| {
+        Err(format!("its palette has {length} bytes; expected a multiple of 3"))
+    })
+}
+
+/// Returns an error if a JPEG has four channels (CMYK), but no Adobe marker. Programs disagree about whether the
+/// values of such a picture are inverted.
+fn check_channels(bytes: &[u8]) -> Result<(), String> {
+    let is_frame = |kind: u8| matches!(kind, 0xc0..=0xcf) && !matches!(kind, 0xc4 | 0xc8 | 0xcc);
+    let mut segments = header_segments(bytes);
+    let has_four = |(kind, data): (u8, &[u8])| is_frame(kind) && data.get(5) == Some(&4);
+    let is_adobe = |(kind, data): (u8, &[u8])| kind == APP14 && data.starts_with(b"Adobe");
+    if !segments.any(has_four) || header_segments(bytes).any(is_adobe) {
+        return Ok(());
     }
-    Ok(())
+    Err("it has four channels (CMYK), but no Adobe marker".to_owned())
+}
+
+/// Returns the segments (blocks) of a JPEG before its first scan: for each, the second byte of its marker and its data.
+fn header_segments(bytes: &[u8]) -> impl Iterator<Item = (u8, &[u8])> {
+    let mut rest = bytes.get(2..).unwrap_or_default();
+    std::iter::from_fn(move || {
+        while let [MARKER, MARKER, ..] = rest {
+            rest = &rest[1..];
+        }
+        let [MARKER, kind, high, low, ..] = *rest else { return None };
+        let end = 2 + usize::from(u16::from_be_bytes([high, low]));
+        let data = rest.get(4..end).filter(|_| kind != START_OF_SCAN)?;
+        rest = &rest[end..];
+        Some((kind, data))
+    })
 }
 
 /// Returns true if a JPEG has the marker for the end of the picture after its first scan. If the end of a
@@ -155,6 +177,19 @@ mod tests {
                 assert_eq!(refusal(&whole[..end]), "the file ends before the picture is complete", "{end}");
             }
         }
+    }
+
+    #[test]
+    fn a_jpeg_of_four_channels_needs_an_adobe_marker() {
+        let frame = [MARKER, 0xc0, 0, 20, 8, 0, 1, 0, 1, 4, 1, 17, 0, 2, 17, 0, 3, 17, 0, 4, 17, 0];
+        let adobe = [&[MARKER, APP14, 0, 14], &b"Adobe\0\x64\0\0\0\0\0"[..]].concat();
+        let scan = [MARKER, START_OF_SCAN, 0, 2, MARKER, 0xd9];
+        let picture = |segments: &[&[u8]]| [&[MARKER, 0xd8], &segments.concat()[..], &scan].concat();
+        let refused = "it has four channels (CMYK), but no Adobe marker";
+        assert_eq!(refusal(&picture(&[&frame])), refused);
+        assert_eq!(refusal(&picture(&[&[MARKER], &frame])), refused, "a byte that fills space");
+        assert_eq!(refusal(&picture(&[&adobe, &frame])), "");
+        assert_eq!(refusal(&picture(&[&frame, &adobe])), "");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! files.
 
 mod colour;
+mod colour_space;
 mod compare;
 mod decode;
 mod display;
@@ -9,20 +10,23 @@ mod encode;
 mod file;
 mod frame;
 mod hdr_header;
+mod icc;
 mod incoming;
 mod jpeg;
 mod layers;
 mod movie;
+mod png_chunks;
 mod png_rows;
 mod stated;
 
 pub use colour::{SCALE_HEIGHT, viridis};
+pub use colour_space::other_colour_space;
 pub use compare::{
     RELATIVE_LIMIT, alpha_difference, dark_floor, difference_image, psnr_db, relative_difference,
 };
 #[cfg(test)]
 pub use decode::ODD_PALETTE;
-pub use decode::{decoder_message, picture_reader};
+pub use decode::{decoder_message, is_animated, picture_reader};
 pub use display::{Shown, TOGETHER, to_rgb8, to_rgba8, transform};
 pub use file::{
     Values, check_alpha, check_image, check_png, check_target, frame_key, holds_radiance, read_picture, save,

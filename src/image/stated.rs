@@ -9,10 +9,10 @@ use image::codecs::hdr::{HdrDecoder, HdrMetadata};
 use std::io::Cursor;
 
 /// The chromaticities (x and y in the CIE 1931 diagram) of sRGB's red, green, blue and white.
-const SRGB: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
+pub(super) const SRGB: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 /// Chromaticities count as sRGB's if each of the eight numbers differs from sRGB's by at most this value.
 /// With this tolerance, the chromaticities that the program Radiance assumes count as sRGB's.
-const CLOSE: f32 = 0.03;
+pub(super) const CLOSE: f32 = 0.03;
 /// The channels of an OpenEXR picture that the decoder reads.
 const READ: [&str; 4] = ["R", "G", "B", "A"];
 

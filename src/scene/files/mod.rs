@@ -9,6 +9,7 @@ mod origin;
 mod pictures;
 mod ply;
 mod stl;
+mod unused_parts;
 
 use super::obj::{self, Permitted, Reach};
 use super::{Camera, Mesh, Triangle};

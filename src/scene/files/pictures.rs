@@ -1,9 +1,10 @@
 //! Reads textures from picture files.
 
-use crate::image::{decoder_message, picture_reader};
+use super::unused_parts::{Part, UnusedParts};
+use crate::image::{decoder_message, is_animated, other_colour_space, picture_reader};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
-use crate::scene::obj::Reach;
+use crate::scene::obj::{Reach, quoted_name};
 use crate::scene::{Texture, Wrap};
 use image::{DynamicImage, ImageDecoder, ImageFormat, Limits};
 use std::borrow::Cow;
@@ -27,8 +28,8 @@ const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE.\0";
 /// A result whose error continues a message that begins with the picture's name.
 type Parsed<T> = std::result::Result<T, String>;
 
-/// A picture's width and height in texels, and its texels.
-type Decoded = ([u32; 2], Arc<[u32]>);
+/// A picture's width and height in texels, its texels, and its parts that are not used, each with what it states.
+type Decoded = ([u32; 2], Arc<[u32]>, Vec<(Part, String)>);
 
 /// How a mesh uses a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -62,6 +63,7 @@ pub(in crate::scene) struct Pictures {
     /// The number of texels of all pictures in `decoded`. Textures of the same picture share its texels, except masks
     /// whose alpha is made from brightness; the texels of such masks are not counted.
     texels: usize,
+    unused: UnusedParts,
 }
 
 impl Pictures {
@@ -74,7 +76,7 @@ impl Pictures {
                 reader::bytes(&path, Kind::Texture).map_err(|error| format!("cannot be read ({error})"))?;
             decoded(&bytes, ImageFormat::from_path(&path).ok())
         };
-        self.texture(path.clone(), usage, picture)
+        self.texture(path.clone(), &quoted_name(name), usage, picture)
     }
 
     /// Does the same as [`Self::file`] for a picture whose bytes are in the mesh file. `key` identifies the
@@ -88,15 +90,17 @@ impl Pictures {
     ) -> Parsed<u32> {
         // The picture's key becomes a relative path, so it differs from every path that `Reach::locate`
         // returns: those paths are absolute.
+        let name = format!("image {key}");
         let key = Path::new("in the file").join(key);
-        self.texture(key, usage, || decoded(&bytes()?, None))
+        self.texture(key, &name, usage, || decoded(&bytes()?, None))
     }
 
     /// Returns the index in `list` of the texture with this picture and usage. `key` identifies the picture,
-    /// which `picture` decodes if it is not decoded yet.
+    /// which `picture` decodes if it is not decoded yet. `name` is the picture's name in messages.
     fn texture(
         &mut self,
         key: PathBuf,
+        name: &str,
         usage: Usage,
         picture: impl FnOnce() -> Parsed<Decoded>,
     ) -> Parsed<u32> {
@@ -105,12 +109,31 @@ impl Pictures {
         }
         let sum = &mut self.texels;
         let picture = || picture().and_then(|picture| within_limit(picture, sum));
-        let (size, texels) = self.decoded.entry(key.clone()).or_insert_with(picture).clone()?;
+        let (size, texels, unused) = self.decoded.entry(key.clone()).or_insert_with(picture).clone()?;
+        unused.iter().for_each(|(part, stated)| self.unused.add(*part, name.to_owned(), stated));
         let number = self.list.len() as u32;
         self.list.push(Texture { size, wrap: usage.wrap, least_alpha: usage.least_alpha, texels });
         self.known.insert((key, usage), number);
         Ok(number)
     }
+
+    /// Records that the alpha of a texture is not used, if a texel is not opaque. `number` is the texture's index in
+    /// `list`, and `name` the name of its file.
+    pub fn leave_out_alpha(&mut self, number: u32, name: &str) {
+        if has_alpha(&self.list[number as usize]) {
+            self.unused.add(Part::Alpha, quoted_name(name), "");
+        }
+    }
+
+    /// Returns notes on the parts of pictures that are not used. If `quotes` is true, the notes name a picture.
+    pub fn notes(&self, quotes: bool) -> impl Iterator<Item = String> {
+        self.unused.notes(quotes)
+    }
+}
+
+/// Returns true if a texel of a texture is not opaque.
+fn has_alpha(texture: &Texture) -> bool {
+    texture.texels.iter().any(|texel| texel >> 24 < 255)
 }
 
 /// Adds the number of a picture's texels to `sum`, which is the number of texels of all earlier pictures. Returns an
@@ -128,7 +151,7 @@ fn within_limit(picture: Decoded, sum: &mut usize) -> Parsed<Decoded> {
 
 /// Sets the alpha of each texel to the texel's brightness, unless some texels are already transparent.
 pub(in crate::scene) fn brightness_to_alpha(texture: &mut Texture) {
-    if texture.texels.iter().any(|texel| texel >> 24 < 255) {
+    if has_alpha(texture) {
         return;
     }
     let with_alpha = |texel: &u32| {
@@ -156,7 +179,7 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(DECODING_BYTES);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(decoder_message).map_err(damaged)?;
+    let mut decoder = reader.into_decoder().map_err(decoder_message).map_err(damaged)?;
     let size = decoder.dimensions();
     let (width, height) = size;
     if width == 0 || height == 0 || width.max(height) > MOST_ACROSS {
@@ -165,12 +188,24 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     // A decoded texel takes at most 8 bytes. The conversion to four channels of 8 bits takes at most another
     // 8 bytes.
     room_for(size, 16, &Available::read())?;
+    let unused = unused_parts(bytes, format, &mut decoder);
     let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
     let mut texels = words(&picture);
     if format == ImageFormat::Tga && has_unused_alpha(bytes, &texels) {
         texels = texels.iter().map(|texel| texel | 0xff00_0000).collect();
     }
-    Ok(([width, height], texels))
+    Ok(([width, height], texels, unused))
+}
+
+/// Returns the parts of a picture that are not used, each with what it states.
+fn unused_parts(bytes: &[u8], format: ImageFormat, decoder: &mut impl ImageDecoder) -> Vec<(Part, String)> {
+    let profile = decoder.icc_profile().ok().flatten();
+    let space = other_colour_space(bytes, profile.as_deref()).map(|space| (Part::ColourSpace, space));
+    let orientation = decoder.orientation().map_or(1, |orientation| orientation.to_exif());
+    let turned = (orientation != 1).then(|| (Part::Orientation, format!("Exif {orientation}")));
+    let animated = format == ImageFormat::Png && is_animated(bytes);
+    let animated = animated.then(|| (Part::Animation, String::new()));
+    space.into_iter().chain(turned).chain(animated).collect()
 }
 
 /// Refuses a picture of this width and height if decoding it needs more memory than is available.
@@ -252,6 +287,37 @@ mod tests {
         assert!(errors[0].contains("cannot be decoded") && errors[0] == errors[1], "{errors:?}");
         assert_eq!(calls, 2, "each picture is decoded once");
         assert!(Arc::ptr_eq(&pictures.list[0].texels, &pictures.list[1].texels));
+    }
+
+    #[test]
+    fn what_a_picture_states_in_vain_is_noted_once_with_its_name() {
+        let mut pictures = Pictures::default();
+        let plain = png(3, 2);
+        let with = |kind: &[u8], data: &[u8]| {
+            // The chunks of a PNG follow its header, which ends after 33 bytes.
+            let mut sum = flate2::Crc::new();
+            [kind, data].iter().for_each(|bytes| sum.update(bytes));
+            let length = (data.len() as u32).to_be_bytes();
+            [&plain[..33], &length, kind, data, &sum.sum().to_be_bytes(), &plain[33..]].concat()
+        };
+        let exif = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0\0\0\0\0";
+        let files = [
+            with(b"gAMA", &100_000_u32.to_be_bytes()),
+            with(b"eXIf", exif),
+            with(b"acTL", &[0, 0, 0, 1, 0, 0, 0, 0]),
+            plain.clone(),
+        ];
+        for (key, bytes) in files.iter().enumerate() {
+            for usage in [Usage::colour([Wrap::Repeat; 2]), Usage::colour([Wrap::Clamp; 2])] {
+                pictures.bytes(&key.to_string(), || Ok(Cow::Borrowed(bytes)), usage).unwrap();
+            }
+        }
+        let expected = [
+            "colour space of 1 texture is not used (image 0: gAMA 1): values count as sRGB",
+            "orientation of 1 texture is not used (image 1: Exif 3): the picture is neither turned nor mirrored",
+            "animation of 1 texture is not used (image 2): only one picture is shown",
+        ];
+        assert_eq!(pictures.notes(true).collect::<Vec<_>>(), expected);
     }
 
     #[test]

@@ -52,6 +52,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let files = Files { root: &root, buffers: &buffers, reach };
     files.keep_pictures();
     let maps = files.colour_maps(&used, &mut materials.list[1..], &mut pictures, &mut notes);
+    notes.extend(pictures.notes(quotes));
     let numbers = Numbers::of_file(&root, &buffers);
     memory::hold(name, numbers, &placed, &maps)?;
     let walk = Walk::of(numbers, &placed, &maps).map_err(|flaw| named.error(flaw))?;

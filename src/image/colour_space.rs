@@ -1,0 +1,89 @@
+//! Finds the colour space that a picture of 8 or 16 bits per channel states.
+
+use super::icc::is_srgb;
+use super::png_chunks::png_chunks;
+use super::stated::{CLOSE, SRGB};
+
+/// sRGB's gamma in a PNG: the reciprocal of 2.2, in 100,000ths.
+const USUAL_GAMMA: u32 = 45_455;
+/// A gamma counts as sRGB's if it differs by at most this value, 5%.
+const CLOSE_GAMMA: u32 = 2_273;
+
+/// Returns the colour space that a picture states, as text for messages; `None` if the picture states none, or sRGB.
+/// `profile` is the picture's ICC profile.
+pub fn other_colour_space(bytes: &[u8], profile: Option<&[u8]>) -> Option<String> {
+    let other_profile = || (!profile.is_some_and(is_srgb)).then(|| "an ICC profile".to_owned());
+    if !bytes.starts_with(b"\x89PNG") {
+        return profile.and_then(|_| other_profile());
+    }
+    let header: Vec<_> = png_chunks(bytes).take_while(|(kind, ..)| *kind != b"IDAT").collect();
+    let chunk = |name: &[u8]| header.iter().find(|(kind, ..)| *kind == name).map(|(_, _, data)| *data);
+    // A reader uses the first of these chunks that the picture has (PNG, third edition, 4.3).
+    if let Some(code) = chunk(b"cICP") {
+        // sRGB has the primaries 1 and the transfer function 13 (ITU-T H.273).
+        return (!code.starts_with(&[1, 13])).then(|| format!("cICP {code:?}"));
+    }
+    if chunk(b"iCCP").is_some() {
+        return other_profile();
+    }
+    if chunk(b"sRGB").is_some() {
+        return None;
+    }
+    chunk(b"gAMA").and_then(other_gamma).or_else(|| chunk(b"cHRM").and_then(other_primaries))
+}
+
+fn other_gamma(data: &[u8]) -> Option<String> {
+    let gamma = u32::from_be_bytes(*data.first_chunk()?);
+    let is_other = gamma.abs_diff(USUAL_GAMMA) > CLOSE_GAMMA;
+    is_other.then(|| format!("gAMA {}", f64::from(gamma) / 1e5))
+}
+
+/// The white comes first in a PNG, and last in [`SRGB`].
+fn other_primaries(data: &[u8]) -> Option<String> {
+    let usual = SRGB[6..].iter().chain(&SRGB[..6]);
+    let stated = data.chunks_exact(4).filter_map(|bytes| bytes.first_chunk());
+    let stated: Vec<f32> = stated.map(|bytes| u32::from_be_bytes(*bytes) as f32 / 1e5).collect();
+    let is_other = stated.iter().zip(usual).any(|(value, usual)| (value - usual).abs() > CLOSE);
+    is_other.then(|| format!("cHRM {stated:?}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn png(chunks: &[(&[u8], &[u8])]) -> Vec<u8> {
+        let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
+        for (kind, data) in chunks {
+            bytes.extend([&(data.len() as u32).to_be_bytes(), *kind, *data, &[0; 4]].concat());
+        }
+        bytes
+    }
+
+    #[test]
+    fn a_png_states_its_colour_space_in_one_of_several_chunks() {
+        let words = |list: &[u32]| list.iter().flat_map(|word| word.to_be_bytes()).collect::<Vec<u8>>();
+        let usual = words(&[31_270, 32_900, 64_000, 33_000, 30_000, 60_000, 15_000, 6_000]);
+        let other = words(&[31_270, 32_900, 70_800, 29_200, 17_000, 79_700, 13_100, 4_600]);
+        let (linear, curved) = (words(&[100_000]), words(&[45_455]));
+        let cases: [(&[(&[u8], &[u8])], Option<&str>); 9] = [
+            (&[], None),
+            (&[(b"gAMA", &curved), (b"cHRM", &usual)], None),
+            (&[(b"gAMA", &linear)], Some("gAMA 1")),
+            (&[(b"sRGB", &[0]), (b"gAMA", &linear)], None),
+            (&[(b"cHRM", &other)], Some("cHRM [0.3127, 0.329, 0.708, 0.292, 0.17, 0.797, 0.131, 0.046]")),
+            (&[(b"sRGB", &[0]), (b"cICP", &[9, 16, 0, 1])], Some("cICP [9, 16, 0, 1]")),
+            (&[(b"cICP", &[1, 13, 0, 1]), (b"gAMA", &linear)], None),
+            (&[(b"iCCP", b"junk"), (b"sRGB", &[0])], Some("an ICC profile")),
+            (&[(b"IDAT", &[]), (b"gAMA", &linear)], None),
+        ];
+        for (chunks, expected) in cases {
+            assert_eq!(other_colour_space(&png(chunks), None).as_deref(), expected, "{chunks:?}");
+        }
+    }
+
+    #[test]
+    fn another_picture_states_its_colour_space_in_a_profile() {
+        assert_eq!(other_colour_space(b"\xff\xd8", None), None);
+        assert_eq!(other_colour_space(b"\xff\xd8", Some(b"junk")).as_deref(), Some("an ICC profile"));
+    }
+}

@@ -1,0 +1,68 @@
+//! Notes on the parts of pictures that raycl does not use.
+
+use crate::words::counted;
+use std::collections::BTreeMap;
+
+/// A part of a picture that raycl does not use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(in crate::scene) enum Part {
+    ColourSpace,
+    Orientation,
+    Animation,
+    Alpha,
+}
+
+impl Part {
+    /// Returns the part's name, and what raycl does instead, both for messages.
+    fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::ColourSpace => ("colour space", "values count as sRGB"),
+            Self::Orientation => ("orientation", "the picture is neither turned nor mirrored"),
+            Self::Animation => ("animation", "only one picture is shown"),
+            Self::Alpha => ("alpha", "without a map_d, a surface has no holes"),
+        }
+    }
+}
+
+/// For each part, the names of the pictures whose part is not used. After each name is what the picture states.
+#[derive(Default)]
+pub(in crate::scene) struct UnusedParts(BTreeMap<Part, BTreeMap<String, String>>);
+
+impl UnusedParts {
+    pub fn add(&mut self, part: Part, name: String, stated: &str) {
+        self.0.entry(part).or_default().insert(name, stated.to_owned());
+    }
+
+    /// Returns a note for each part. If `quotes` is true, the notes name a picture.
+    pub fn notes(&self, quotes: bool) -> impl Iterator<Item = String> {
+        self.0.iter().filter_map(move |(part, pictures)| {
+            let ((what, instead), (name, stated)) = (part.words(), pictures.first_key_value()?);
+            let such_as = if pictures.len() == 1 { "" } else { "for example " };
+            let stated = if stated.is_empty() { String::new() } else { format!(": {stated}") };
+            let example = if quotes { format!(" ({such_as}{name}{stated})") } else { String::new() };
+            let textures = counted(pictures.len(), "texture");
+            Some(format!("{what} of {textures} is not used{example}: {instead}"))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_part_has_one_note_that_names_a_picture_where_that_is_permitted() {
+        let mut unused = UnusedParts::default();
+        for name in ["`b.png`", "`a.png`", "`a.png`"] {
+            unused.add(Part::Alpha, name.to_owned(), "");
+        }
+        unused.add(Part::ColourSpace, "`c.png`".to_owned(), "gAMA 1");
+        let expected = [
+            "colour space of 1 texture is not used (`c.png`: gAMA 1): values count as sRGB",
+            "alpha of 2 textures is not used (for example `a.png`): without a map_d, a surface has no holes",
+        ];
+        assert_eq!(unused.notes(true).collect::<Vec<_>>(), expected);
+        let first = unused.notes(false).next();
+        assert_eq!(first.as_deref(), Some("colour space of 1 texture is not used: values count as sRGB"));
+    }
+}
