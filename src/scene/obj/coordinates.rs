@@ -50,25 +50,34 @@ impl Coordinates {
     }
 }
 
-/// Reads the texture coordinates of a piece. Coordinates that are not valid become NaN; the second result
-/// counts the lines with such coordinates.
-pub(super) fn read(chunk: &Chunk) -> (Coordinates, Seen) {
-    let (mut coordinates, mut odd) = (Coordinates::default(), Seen::default());
-    for (offset, line) in chunk.lines() {
-        if let (b"vt", rest) = keyword(line) {
-            coordinates.push(coordinate(offset, rest).unwrap_or_else(|_| {
-                odd.at(offset);
-                [f64::NAN; 2]
-            }));
-        }
-    }
-    (coordinates, odd)
+/// The lines with texture coordinates of which raycl ignores something.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Unread {
+    /// Coordinates that are not valid.
+    pub odd: Seen,
+    /// Coordinates with a third number that is not 0. Pictures have only two directions.
+    pub surplus: Seen,
 }
 
-/// Reads the two numbers of a texture coordinate. If the second number of the coordinate is missing, 0 is
-/// used; a third number is ignored.
-fn coordinate(offset: usize, rest: &[u8]) -> Result<[f64; 2], Mistake> {
-    let mut tokens = tokens(rest);
+/// Reads the texture coordinates of a piece. Coordinates that are not valid become NaN.
+pub(super) fn read(chunk: &Chunk) -> (Coordinates, Unread) {
+    let (mut coordinates, mut unread) = (Coordinates::default(), Unread::default());
+    for (offset, line) in chunk.lines() {
+        if let (b"vt", rest) = keyword(line) {
+            let mut words = tokens(rest);
+            let read = coordinate(offset, &mut words);
+            match read {
+                Ok(_) => unread.surplus.at_if(words.any(|word| number(word) != Some(0.0)), offset),
+                Err(_) => unread.odd.at(offset),
+            }
+            coordinates.push(read.unwrap_or([f64::NAN; 2]));
+        }
+    }
+    (coordinates, unread)
+}
+
+/// Reads the two numbers of a texture coordinate. If the second number of the coordinate is missing, 0 is used.
+fn coordinate<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Result<[f64; 2], Mistake> {
     let mut next = |usual: Option<&'static [u8]>| {
         let token = tokens.next().or(usual).unwrap_or_default();
         let wrong = "in a texture coordinate (vt); expected a finite decimal number";
@@ -87,7 +96,7 @@ fn value(token: &[u8]) -> Option<f64> {
 /// Returns the error for a texture coordinate that is not valid.
 pub(super) fn mistake_in_coordinate(offset: usize, rest: &[u8]) -> Mistake {
     let none = |_| Mistake::new(offset, "a texture coordinate is not valid");
-    coordinate(offset, rest).map_or_else(|mistake| mistake, none)
+    coordinate(offset, &mut tokens(rest)).map_or_else(|mistake| mistake, none)
 }
 
 #[cfg(test)]
@@ -97,12 +106,12 @@ mod tests {
 
     #[test]
     fn only_coordinates_far_from_0_are_read_in_double_precision() {
-        let read = |line: &[u8]| coordinate(0, line).unwrap();
-        assert_eq!(read(b" 0.1 64.000001"), [f64::from(0.1_f32), 64.0]);
-        assert_eq!(read(b" 500000.1 -64.1"), [500_000.1, -64.1]);
+        let read = |line: &[u8]| coordinate(0, &mut tokens(line));
+        assert_eq!(read(b" 0.1 64.000001").unwrap(), [f64::from(0.1_f32), 64.0]);
+        assert_eq!(read(b" 500000.1 -64.1").unwrap(), [500_000.1, -64.1]);
         // The number 1e39 is finite in double precision, but not in single precision. The coordinate 1e39 is
         // refused, because raycl shifts coordinates and then stores them in single precision.
-        assert!(coordinate(0, b" 1e39 0").is_err());
+        assert!(read(b" 1e39 0").is_err());
     }
 
     #[test]

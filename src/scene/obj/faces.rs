@@ -69,9 +69,10 @@ pub(super) struct FaceChunk {
     /// texture coordinate is [`MISSING`]. The list is empty if no texture coordinates were read.
     pub coordinate_indices: Vec<[u32; 3]>,
     unknown_materials: BTreeSet<String>,
-    /// The byte offset of the first face that has normals at some corners only; `None` if there is no such
-    /// face.
-    partial_normals: Option<usize>,
+    /// `usemtl` lines without a name, if no material has the empty name.
+    nameless: Seen,
+    /// Faces that have normals at some corners only.
+    partial_normals: Seen,
     /// Faces that name a normal that does not exist in the file.
     lost_normals: Seen,
     /// Faces with fewer than three corners.
@@ -98,7 +99,11 @@ pub(super) fn read(
             (b"v", _) => seen.positions += 1,
             (b"vn", _) => seen.normals += 1,
             (b"vt", _) => seen.coordinates += 1,
-            (b"usemtl", rest) => material = faces.material(context, &words(rest)),
+            (b"usemtl", rest) => {
+                let name = words(rest);
+                faces.nameless.at_if(is_nameless(context, &name), offset);
+                material = faces.material(context, &name);
+            }
             (b"s", rest) => faces.smoothing.begin(smoothing::group(rest)),
             // Older versions of OBJ write `fo` for `f`.
             (b"f" | b"fo", rest) => {
@@ -132,6 +137,12 @@ fn some_normals_missing(corners: &[Corner]) -> bool {
     0 < missing && missing < corners.len()
 }
 
+/// Returns true if the text after `usemtl` is empty or a comment, and names no material.
+fn is_nameless(context: &FaceContext, text: &str) -> bool {
+    let names = possible_names(text);
+    names[1].is_empty() && !names.into_iter().any(|name| context.materials.contains_key(name))
+}
+
 impl FaceChunk {
     /// Returns the index of the material that the text after `usemtl` names. If there is no such material,
     /// records the name and returns 0, the default material.
@@ -159,7 +170,7 @@ impl FaceChunk {
             }
             corners.iter_mut().for_each(|corner| corner.1 = MISSING);
         } else if some_normals_missing(corners) {
-            self.partial_normals.get_or_insert(offset);
+            self.partial_normals.at(offset);
         }
     }
 
@@ -344,22 +355,40 @@ fn integer(token: &[u8]) -> Option<i64> {
     Some(if negative { -size } else { size })
 }
 
-/// Adds a note on the first face that has normals at some corners only.
+/// Returns what all pieces of the file have seen of one kind.
+fn seen(faces: &[FaceChunk], of: fn(&FaceChunk) -> Seen) -> Seen {
+    Seen::of_all(faces.iter().map(of))
+}
+
+/// Adds a note on faces that have normals at some corners only.
 pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
-    if let Some(offset) = faces.iter().find_map(|chunk| chunk.partial_normals) {
-        notes.push(format!(
-            "line {}: a face has a normal index at some corners only, so its normals are computed from its shape; \
-             give every corner a normal index, as in `f 1//1 2//1 3//1`",
-            source.line(offset)
-        ));
-    }
+    let partial = seen(faces, |chunk| chunk.partial_normals);
+    let note = || {
+        let have = if partial.count == 1 { "has" } else { "have" };
+        format!(
+            "line {}: {} {have} a normal index at some corners only, so their normals are computed from the faces' \
+             shape; give every corner a normal index, as in `f 1//1 2//1 3//1`",
+            source.line(partial.first),
+            counted(partial.count, "face")
+        )
+    };
+    notes.extend((partial.count > 0).then(note));
+}
+
+/// Adds a note on `usemtl` lines without a name.
+pub(super) fn note_nameless(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
+    let nameless = seen(faces, |chunk| chunk.nameless);
+    notes.extend(source.note_on_lines(
+        "line ",
+        nameless,
+        "`usemtl` without a name selects the default material",
+    ));
 }
 
 /// Adds a note on faces whose normals do not exist in the file, and a note on faces that were left out
 /// because they have too few corners.
 pub(super) fn note_odd_faces(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
-    let all = |of: fn(&FaceChunk) -> Seen| faces.iter().map(of).fold(Seen::default(), Seen::joined);
-    let (lost, short) = (all(|chunk| chunk.lost_normals), all(|chunk| chunk.short));
+    let (lost, short) = (seen(faces, |chunk| chunk.lost_normals), seen(faces, |chunk| chunk.short));
     if lost.count > 0 {
         notes.push(format!(
             "line {}: {} normals (vn) that do not exist in the file; normals are computed from the faces' shape instead",

@@ -16,6 +16,7 @@ mod asked;
 mod coordinates;
 mod faces;
 mod mtl;
+mod namesakes;
 mod notes;
 mod odd;
 mod points;
@@ -24,13 +25,14 @@ mod smoothing;
 mod text;
 mod textures;
 mod values;
+mod vertex_colours;
 mod wishes;
 
 use super::files::{MeshFile, Placement, paint};
 use super::mesh::{Mesh, Triangle};
 use crate::error::{Error, Result};
 use crate::words::counted;
-use coordinates::Coordinates;
+use coordinates::{Coordinates, Unread};
 use faces::{FaceChunk, FaceContext};
 use glam::Vec3;
 use points::{PointChunk, Reading};
@@ -38,6 +40,7 @@ use rayon::prelude::*;
 use std::ops::ControlFlow;
 use text::{Chunk, Mistake, PIECES_PER_THREAD, Seen, Source};
 use textures::{FaceCoordinates, Maps};
+use vertex_colours::VertexColours;
 
 pub(in crate::scene) use asked::{Asked, Wish};
 pub(in crate::scene) use mtl::Reach;
@@ -83,7 +86,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     let mut notes = Vec::new();
     points::note_flat(&points, &mut notes);
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
-    let materials = mtl::load_all(reach, libraries, points::are_coloured(&points), &mut notes)?;
+    let materials = mtl::load_all(reach, libraries, vertex_colours::are_any(&points), &mut notes)?;
     let coordinates = match materials.maps.iter().any(Maps::has_any) {
         true => read_coordinates(source, &chunks, &mut notes),
         false => Vec::new(),
@@ -118,13 +121,15 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     odd::check_vertices(&odd_vertices, &mesh, source, reach.permitted.scaled, &mut notes)
         .map_err(|mistake| source.error(mistake))?;
     odd::note_normals(&odd_normals, source, &mut notes);
-    add_notes(source, &points, &faces, &mesh, &materials.asked, &mut notes);
+    let colours = VertexColours::of(&points, &mesh);
+    add_notes(source, &points, &faces, colours.as_ref(), &mut notes);
+    notes::of_materials(&materials.asked, &mesh, reach.permitted.quotes, &mut notes);
     if mapped {
         let corners = faces.iter().flat_map(|chunk| chunk.coordinate_indices.iter().copied()).collect();
         let texture_coordinates = FaceCoordinates { coordinates: Coordinates::joined(coordinates), corners };
         textures::apply(&mut mesh, &materials.maps, &texture_coordinates, reach, &mut notes);
     }
-    paint_vertices(&mut mesh, &points);
+    paint_vertices(&mut mesh, colours);
     Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, ..MeshFile::default() }))
 }
 
@@ -148,23 +153,23 @@ fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
     }
 }
 
-/// Adds notes on faces, colours, statements and materials of which raycl ignores or replaces parts. `asked` has the
-/// unsupported features of each material.
+/// Adds notes on faces, colours and statements of which raycl ignores or replaces parts.
 fn add_notes(
     source: &Source,
     points: &[PointChunk],
     faces: &[FaceChunk],
-    mesh: &Mesh,
-    asked: &[Asked],
+    colours: Option<&VertexColours>,
     notes: &mut Vec<String>,
 ) {
     faces::note_partial_normals(faces, source, notes);
     faces::note_odd_faces(faces, source, notes);
-    faces::note_unknown_materials(faces, points::are_coloured(points), source.quotes, notes);
-    points::note_colours(points, source, notes);
+    faces::note_nameless(faces, source, notes);
+    faces::note_unknown_materials(faces, colours.is_some(), source.quotes, notes);
+    points::note_surplus(points, source, notes);
+    colours.iter().for_each(|colours| colours.add_notes(notes));
+    vertex_colours::note_unread(points, source, notes);
     smoothing::note(faces.iter().map(|chunk| &chunk.smoothing), notes);
     notes::of_statements(points, source.quotes, notes);
-    notes::of_materials(asked, mesh, source.quotes, notes);
 }
 
 /// Returns the error for a file without triangles that has `vertices` vertices.
@@ -193,14 +198,12 @@ fn unknown_keywords(points: &[PointChunk]) -> String {
     }
 }
 
-/// Gives triangles the colours of their vertices, if at least one vertex has a colour.
-fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk]) {
-    if !points::are_coloured(points) {
-        return;
-    }
+/// Gives triangles the colours of their vertices, if there are any.
+fn paint_vertices(mesh: &mut Mesh, colours: Option<VertexColours>) {
+    let Some(colours) = colours else { return };
     // The colour of a vertex is multiplied by the material's colour, so the default material becomes white.
     mesh.materials[0].lambertian = Vec3::ONE;
-    paint(mesh, &points::linear_colours(points));
+    paint(mesh, &colours.linear());
 }
 
 /// Returns the points of all pieces of the file, and their placement (how they are moved and scaled). If
@@ -270,10 +273,13 @@ fn placement_of_used(
     (wanted != placement).then_some(wanted)
 }
 
-/// Returns the texture coordinates of each piece, and adds a note on those that are not valid.
+/// Returns the texture coordinates of each piece, and adds notes on those that are not valid or have more than two
+/// numbers.
 fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) -> Vec<Coordinates> {
-    let (coordinates, odd): (_, Vec<Seen>) = chunks.par_iter().map(coordinates::read).unzip();
-    odd::note_coordinates(odd.into_iter().fold(Seen::default(), Seen::joined), source, notes);
+    let (coordinates, unread): (_, Vec<Unread>) = chunks.par_iter().map(coordinates::read).unzip();
+    odd::note_coordinates(Seen::of_all(unread.iter().map(|unread| unread.odd)), source, notes);
+    let surplus = Seen::of_all(unread.iter().map(|unread| unread.surplus));
+    notes.extend(source.note_on_lines("line ", surplus, "numbers after the second of `vt` are ignored"));
     coordinates
 }
 

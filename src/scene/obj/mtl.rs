@@ -3,10 +3,11 @@
 
 use super::Permitted;
 use super::asked::Asked;
+use super::namesakes::Namesakes;
 use super::text::{
-    Chunk, Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted_name, tokens, words,
+    Chunk, Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted, quoted_name, tokens, words,
 };
-use super::textures::{Map, Maps, paths, picture};
+use super::textures::{Factor, Map, Maps, paths, picture};
 use super::values::{self, Ignored, Unfit};
 use super::wishes;
 use crate::error::Result;
@@ -15,8 +16,11 @@ use crate::reader::{self, Kind, lies_in};
 use crate::scene::INPUTS;
 use crate::scene::few_notes::FewNotes;
 use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
+use crate::words::{counted, counted_are, few};
 use glam::Vec3;
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeSet, HashMap};
+use std::fmt::Debug;
 use std::mem::take;
 use std::path::{Path, PathBuf};
 
@@ -56,18 +60,24 @@ pub(super) fn load_all<'a>(
     // The indices of the files that an `mtllib` line names, by the text of the line. Some programs write the
     // same `mtllib` line before each object; this map saves examining such a line again.
     let mut known: HashMap<&str, Vec<usize>> = HashMap::new();
+    let mut nameless = 0;
     for library in libraries {
+        nameless += usize::from(possible_names(library)[1].is_empty());
         if !known.contains_key(&**library) {
-            let names = reach.file_names(library);
+            let texts = reach.file_texts(library);
             let files =
-                names.iter().map(|name| loader.file(reach, name, notes)).collect::<Result<Vec<_>>>()?;
+                texts.iter().map(|text| loader.file(reach, text, notes)).collect::<Result<Vec<_>>>()?;
             known.insert(library, files.into_iter().flatten().collect());
         }
         lines.push(known[&**library].clone());
     }
     notes.extend(loader.missing.rest("MTL file"));
+    notes.extend(loader.namesakes.note("MTL file", reach.permitted.quotes));
+    notes.extend(
+        (nameless > 0).then(|| format!("{} ignored", counted_are(nameless, "`mtllib` line without a name"))),
+    );
     let order: Vec<usize> = lines.into_iter().rev().flatten().collect();
-    Ok(loader.named(&order))
+    Ok(loader.named(&order, notes))
 }
 
 /// The materials and files that were loaded so far.
@@ -79,19 +89,23 @@ struct Loader {
     names: Vec<Names>,
     /// The subjects of the notes on files that cannot be loaded.
     missing: FewNotes,
+    /// The files that are perhaps not those that the mesh means.
+    namesakes: Namesakes,
     /// True if the vertices of the mesh have colours.
     is_coloured: bool,
 }
 
-/// The names of a file's materials, and the materials' indices in `Materials::list`.
+/// The names of a file's materials, in the file's order, and the materials' indices in `Materials::list`.
 #[derive(Default)]
 struct Names {
     /// The names as they are in the file.
-    whole: HashMap<String, u32>,
+    whole: Vec<(String, u32)>,
     /// The names as they are in the file, each shortened to the text before its first word that is only `#`.
     /// A word that is only `#` certainly begins a comment (see `possible_names`). The shortened names are
     /// used only if no name in `whole` fits.
-    short: HashMap<String, u32>,
+    short: Vec<(String, u32)>,
+    /// True if messages may contain the names.
+    quotes: bool,
 }
 
 impl Loader {
@@ -102,17 +116,27 @@ impl Loader {
             maps: vec![Maps::default()],
             by_name: HashMap::new(),
         };
-        let missing = FewNotes::default();
-        Self { materials, files: HashMap::new(), names: Vec::new(), missing, is_coloured }
+        Self {
+            materials,
+            files: HashMap::new(),
+            names: Vec::new(),
+            missing: FewNotes::default(),
+            namesakes: Namesakes::default(),
+            is_coloured,
+        }
     }
 
-    /// Loads a file unless it has been loaded, and returns its index in `names`. If the file cannot be
-    /// loaded, adds a note and returns `None`.
-    fn file(&mut self, reach: Reach<'_>, name: &str, notes: &mut Vec<String>) -> Result<Option<usize>> {
+    /// Loads the file that `text` names, unless it has been loaded, and returns its index in `names`. If the file
+    /// cannot be loaded, adds a note and returns `None`.
+    fn file(&mut self, reach: Reach<'_>, text: &str, notes: &mut Vec<String>) -> Result<Option<usize>> {
+        let name = reach.existing(text).unwrap_or_else(|| possible_names(text)[1]);
         let located = reach.locate(name).and_then(|path| match self.files.get(&path) {
             Some(number) => Ok((*number, None)),
             None => Ok((self.names.len(), Some((open(&path)?, path)))),
         });
+        if located.is_ok() {
+            self.namesakes.look_at(reach, text, "", name);
+        }
         match located {
             Ok((number, None)) => Ok(Some(number)),
             Ok((number, Some((bytes, path)))) => {
@@ -130,16 +154,42 @@ impl Loader {
     }
 
     /// Returns the materials, after filling `by_name`. If several files have a material of the same name, the
-    /// first file in `order` counts. A name as it is in a file is preferred to a shortened name (see
-    /// [`Names`]).
-    fn named(mut self, order: &[usize]) -> Materials {
+    /// first file in `order` counts; within a file, the last material counts. A name as it is in a file is preferred
+    /// to a shortened name (see [`Names`]). Adds a note on names whose definitions differ.
+    fn named(mut self, order: &[usize], notes: &mut Vec<String>) -> Materials {
+        let quotes = self.names.iter().all(|names| names.quotes);
+        let mut repeated = BTreeSet::new();
         for part in [|names: &mut Names| take(&mut names.whole), |names: &mut Names| take(&mut names.short)] {
-            for (name, index) in order.iter().flat_map(|file| part(&mut self.names[*file])) {
-                self.materials.by_name.entry(name).or_insert(index);
+            let mut own: HashMap<String, u32> = HashMap::new();
+            for (name, index) in order.iter().flat_map(|file| part(&mut self.names[*file]).into_iter().rev())
+            {
+                if self.materials.by_name.contains_key(&name) {
+                    continue;
+                }
+                match own.entry(name) {
+                    Entry::Occupied(kept) if self.materials.differ(*kept.get(), index) => {
+                        repeated.insert(kept.key().clone());
+                    }
+                    kept => {
+                        kept.or_insert(index);
+                    }
+                }
             }
+            self.materials.by_name.extend(own);
         }
+        notes.extend(several_definitions(&repeated, quotes));
         self.materials
     }
+}
+
+/// Returns a note on the materials that have several different definitions; `None` if there are none.
+fn several_definitions(names: &BTreeSet<String>, quotes: bool) -> Option<String> {
+    let first = names.first()?;
+    let such_as = if names.len() == 1 { "material" } else { "for example material" };
+    let shown = if quotes { format!(" ({such_as} {})", quoted(first.as_bytes())) } else { String::new() };
+    let have = if names.len() == 1 { "has" } else { "have" };
+    let materials = counted(names.len(), "material");
+    Some(format!("{materials} {have} several definitions that differ{shown}: only one of them is used"))
 }
 
 /// Returns a note on an MTL file that cannot be used because of `reason`.
@@ -169,27 +219,37 @@ fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
 }
 
 impl Reach<'_> {
-    /// Returns the names of the files that the text after `mtllib` means. The whole text, with its spaces, is
+    /// Returns the parts of the text after `mtllib` that each name a file. The whole text, with its spaces, is
     /// one name if a file with this name exists (the name may end before a comment). The whole text after
     /// `mtllib` is also one name if its first word neither ends in `.mtl` nor is the name of a file. Otherwise,
     /// each word of the text is the name of a file. Some programs write a blank within a name as `\ `. If the
     /// name of an existing file contains a blank that is written in this way, the text is divided only at
     /// blanks without a `\`. If there is no file with a name, raycl also tries the name without its folders.
-    fn file_names(&self, library: &str) -> Vec<String> {
+    fn file_texts(&self, library: &str) -> Vec<String> {
         let exists = |name: &str| self.locate(name).is_ok();
-        let existing = |text: &str| possible_paths(text).find(|path| exists(path)).map(str::to_owned);
         let names = possible_names(library);
         let is_whole = names.into_iter().any(exists);
         let unescaped = unescaped_words(names[2]);
-        if !is_whole && unescaped.iter().any(|word| word.contains(' ') && existing(word).is_some()) {
-            return unescaped.into_iter().map(|word| existing(&word).unwrap_or(word)).collect();
+        if !is_whole && unescaped.iter().any(|word| word.contains(' ') && self.existing(word).is_some()) {
+            return unescaped;
         }
         let words: Vec<&str> = names[2].split_whitespace().collect();
         let is_name = |word: &str| word.to_ascii_lowercase().ends_with(".mtl") || exists(word);
         if is_whole || words.first().is_some_and(|word| !is_name(word)) {
-            return vec![existing(library).unwrap_or_else(|| names[1].to_owned())];
+            return vec![library.to_owned()];
         }
-        words.into_iter().map(|word| existing(word).unwrap_or_else(|| word.to_owned())).collect()
+        words.into_iter().map(str::to_owned).collect()
+    }
+
+    /// Returns the first path of a text at which there is a file that the mesh may read.
+    fn existing<'t>(&self, text: &'t str) -> Option<&'t str> {
+        possible_paths(text).find(|path| self.locate(path).is_ok())
+    }
+
+    /// Returns true if the name `name` is that of another file than `used`, even if the mesh may not read this file.
+    pub(super) fn is_another_file(&self, name: &str, used: &str) -> bool {
+        let file = |name: &str| self.path(name).canonicalize().ok().filter(|path| path.is_file());
+        file(name).is_some_and(|path| file(used) != Some(path))
     }
 
     /// Returns the path of the file with the name `name`, after following links. Returns an error if there is no such
@@ -278,9 +338,9 @@ impl Materials {
         bytes: &[u8],
         notes: &mut Vec<String>,
     ) -> Result<Names> {
-        let mut names = Names::default();
         let text = super::text::normalise(bytes);
         let quotes = reach.permitted.quotes && lies_in(path, reach.folder);
+        let mut names = Names { quotes, ..Names::default() };
         let relative = name.replace('\\', "/");
         let folder = &relative[..relative.rfind('/').map_or(0, |slash| slash + 1)];
         // The name comes from the mesh's text, so messages contain the name only if they may quote the mesh.
@@ -291,29 +351,37 @@ impl Materials {
         let source = Source { name, text: &text, quotes };
         let checked = check(&text);
         notes.extend(checked.ignored.notes(&source));
-        notes.extend(values::note_more(checked.more, &source));
+        notes.extend(checked.notes(&source));
         checked.pictures.iter().for_each(|picture| reach.keep(paths(picture, folder)));
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not an MTL file: {error}"))))?;
-        for (material, Extras { name: own, mut asked, model, colour, mask, emission, emitted }) in
-            list.iter().zip(checked.extras)
-        {
+        for (material, extras) in list.iter().zip(checked.extras) {
+            let Extras { name: own, mut asked, model, colour, mask, emission, emitted, .. } = extras;
             let number = self.list.len() as u32;
             let [_, short, _] = possible_names(&own);
-            names.short.insert(short.to_owned(), number);
-            names.whole.insert(own, number);
-            let alone = material.diffuse.is_none_or(|colour| colour == [0.0; 3]);
-            let completed = |map: Option<(usize, Map)>, alone| {
-                map.map(|(line, map)| map.with_context(format!("{name}:{line}"), folder, alone))
+            names.short.push((short.to_owned(), number));
+            names.whole.push((own, number));
+            let completed = |map: Option<(usize, Map)>, own: Option<[f32; 3]>| {
+                map.map(|(line, map)| map.with_context(format!("{name}:{line}"), folder, Factor::of(own)))
             };
-            let emission = completed(emission, emitted == Vec3::ZERO);
-            self.maps.push(Maps::new(completed(colour, alone), completed(mask, alone), emission, &mut asked));
+            let own = material.diffuse;
+            let emission = completed(emission, emitted);
+            self.maps.push(Maps::new(completed(colour, own), completed(mask, own), emission, &mut asked));
+            let emitted = Vec3::from_array(emitted.unwrap_or_default());
             let material = Material { emitted, ..convert(material) };
             wishes::of_model(&mut asked, model.as_deref(), material.glossy != Vec3::ZERO);
             self.list.push(material);
             self.asked.push(asked);
         }
         Ok(names)
+    }
+
+    /// Returns true if two materials differ in anything but the lines of the file that define them.
+    fn differ(&self, a: u32, b: u32) -> bool {
+        let [a, b] = [a as usize, b as usize];
+        self.list[a] != self.list[b]
+            || self.asked[a] != self.asked[b]
+            || self.maps[a].without_lines() != self.maps[b].without_lines()
     }
 }
 
@@ -330,6 +398,12 @@ struct Checked {
     ignored: Ignored,
     /// Lines with more values than raycl reads.
     more: Seen,
+    /// Lines before the first `newmtl`.
+    early: Seen,
+    /// Lines that replace another value of an earlier line of the same material.
+    repeated: Seen,
+    /// The keywords of the lines in `repeated`.
+    repeated_keys: BTreeSet<String>,
 }
 
 /// The properties of a material that raycl reads without `tobj`.
@@ -346,34 +420,46 @@ struct Extras {
     /// The number of the line with `map_Ke`, from 1, and the value of `map_Ke`.
     emission: Option<(usize, Map)>,
     /// The value of `Ke`: the emitted light, in units of the radiance that the default display shows as
-    /// white; zero without `Ke`.
-    emitted: Vec3,
+    /// white; `None` without `Ke`.
+    emitted: Option<[f32; 3]>,
+    /// The values of the lines that were read, as text, by the lines' keywords.
+    values: HashMap<String, String>,
 }
 
+/// The keyword and the value of a line; `None` if raycl does not use the line.
+type Read = std::result::Result<Option<(String, String)>, Unfit>;
+
 impl Extras {
-    fn read(&mut self, line: usize, keyword: &[u8], rest: &[u8]) -> std::result::Result<(), Unfit> {
+    /// Reads a line. Returns its keyword and value if raycl uses it.
+    fn read(&mut self, line: usize, keyword: &[u8], rest: &[u8]) -> Read {
+        let is = |key: &str| keyword.eq_ignore_ascii_case(key.as_bytes());
+        let map = |key| Map::of_line(key, rest).map(|map| (line, map));
+        let value = |key: &str, value: &dyn Debug| Ok(Some((key.to_owned(), format!("{value:?}"))));
         match keyword {
-            b"illum" => self.model = tokens(rest).next().map(<[u8]>::to_vec),
-            _ if keyword.eq_ignore_ascii_case(b"map_Kd") => {
-                self.colour = Some((line, Map::of_line("map_Kd", rest)?));
+            b"illum" => {
+                self.model = tokens(rest).next().map(<[u8]>::to_vec);
+                value("illum", &self.model)
             }
-            _ if keyword.eq_ignore_ascii_case(b"map_d") => {
-                self.mask = Some((line, Map::of_line("map_d", rest)?));
+            _ if is("map_Kd") => value("map_Kd", &self.colour.insert(map("map_Kd")?).1),
+            _ if is("map_d") => value("map_d", &self.mask.insert(map("map_d")?).1),
+            _ if is("map_Ke") => value("map_Ke", &self.emission.insert(map("map_Ke")?).1),
+            _ if is("Ke") => value("Ke", self.emitted.insert(values::colour("Ke", rest)?)),
+            _ => {
+                wishes::of_material(&mut self.asked, keyword, rest);
+                Ok(None)
             }
-            _ if keyword.eq_ignore_ascii_case(b"map_Ke") => {
-                self.emission = Some((line, Map::of_line("map_Ke", rest)?));
-            }
-            _ if keyword.eq_ignore_ascii_case(b"Ke") => {
-                self.emitted = Vec3::from_array(values::colour("Ke", rest)?);
-            }
-            _ => wishes::of_material(&mut self.asked, keyword, rest),
         }
-        Ok(())
     }
 }
 
 impl Checked {
-    fn read(&mut self, line: usize, name: &[u8], rest: &[u8]) -> std::result::Result<(), Unfit> {
+    /// Reads a line. Returns its keyword and value if raycl uses it.
+    fn read(&mut self, line: usize, name: &[u8], rest: &[u8]) -> Read {
+        let mut plain = |key: &str, numbers: &[f32]| {
+            let value = numbers.iter().map(f32::to_string).collect::<Vec<_>>().join(" ");
+            self.plain += &format!("{key} {value}\n");
+            Ok(Some((key.to_owned(), value)))
+        };
         match name {
             b"newmtl" => {
                 // The name is not given to `tobj`, which refuses the empty name that some exporters write, and
@@ -381,22 +467,39 @@ impl Checked {
                 // letter: a name that is not UTF-8 is decoded as Latin-1.
                 self.plain += "newmtl m\n";
                 self.extras.push(Extras { name: words(rest), ..Extras::default() });
+                Ok(None)
             }
-            b"Kd" | b"Ks" => {
-                let name = words(name);
-                let [r, g, b] = values::colour(&name, rest)?;
-                self.plain += &format!("{name} {r} {g} {b}\n");
-            }
-            b"Ns" => self.plain += &format!("Ns {}\n", values::shininess(rest)?),
+            b"Kd" => plain("Kd", &values::colour("Kd", rest)?),
+            b"Ks" => plain("Ks", &values::colour("Ks", rest)?),
+            b"Ns" => plain("Ns", &[values::shininess(rest)?]),
             _ => {
-                self.pictures.extend(picture(name, rest));
-                if let Some(last) = self.extras.last_mut() {
-                    last.read(line, name, rest)?;
-                }
+                let last = self.extras.last_mut();
+                let read = last.map_or(Ok(None), |last| last.read(line, name, rest))?;
                 values::unused(name, rest)?;
+                Ok(read)
             }
         }
-        Ok(())
+    }
+
+    /// Records the value of a line, and counts the line if it replaces another value.
+    fn record(&mut self, offset: usize, key: String, value: String) {
+        let Some(material) = self.extras.last_mut() else { return };
+        let old = material.values.insert(key.clone(), value.clone());
+        if old.is_some_and(|old| old != value) {
+            self.repeated.at(offset);
+            self.repeated_keys.insert(key);
+        }
+    }
+
+    /// Returns notes on lines that are ignored or replaced.
+    fn notes(&self, source: &Source) -> impl Iterator<Item = String> {
+        let keys = few(&self.repeated_keys.iter().collect::<Vec<_>>());
+        let repeated = format!("a later line replaces another value in the same material: {keys}");
+        let early = "lines before the first newmtl are not read";
+        [(self.more, values::MORE), (self.early, early), (self.repeated, &repeated)]
+            .map(|(lines, what)| source.note_on_lines(&format!("{}:", source.name), lines, what))
+            .into_iter()
+            .flatten()
     }
 }
 
@@ -406,10 +509,18 @@ fn check(text: &[u8]) -> Checked {
     let mut checked = Checked::default();
     for (number, (offset, line)) in (1..).zip(Chunk::whole(text).lines()) {
         let (name, rest) = keyword(line);
+        checked.pictures.extend(picture(name, rest));
+        if checked.extras.is_empty() && name != b"newmtl" {
+            let is_statement = !name.is_empty() && !name.starts_with(b"#");
+            checked.early.at_if(is_statement, offset);
+            continue;
+        }
         match checked.read(number, name, rest) {
             Err(unfit) => checked.ignored.add(offset, unfit),
-            Ok(()) if values::has_more(name, rest) => checked.more.at(offset),
-            Ok(()) => {}
+            Ok(read) => {
+                checked.more.at_if(values::has_more(name, rest), offset);
+                read.into_iter().for_each(|(key, value)| checked.record(offset, key, value));
+            }
         }
     }
     checked
@@ -565,16 +676,15 @@ mod tests {
     fn a_material_file_of_another_computer_is_searched_in_the_folder_of_the_mesh() {
         let (paint, other) = ("newmtl paint\nKd 0.25 0.25 0.25\n", "newmtl other\n");
         let files = [("m.mtl", paint), ("my m.mtl", paint), ("other.mtl", other)];
-        for library in [
-            r"C:\x\m.mtl",
-            "/home/me/m.mtl",
-            r"C:\My Files\my m.mtl",
-            r"C:\x\m.mtl # mine",
-            r"C:\x\other.mtl C:\x\m.mtl",
-        ] {
+        for library in [r"C:\x\m.mtl", "/home/me/m.mtl", r"C:\My Files\my m.mtl", r"C:\x\m.mtl # mine"] {
             let (notes, material) = read(library, &files, true);
-            assert_eq!((notes, material.lambertian), (Vec::new(), Vec3::splat(0.25)), "{library}");
+            assert_eq!((notes.len(), material.lambertian), (1, Vec3::splat(0.25)), "{library}: {notes:?}");
+            assert!(notes[0].contains("another file may be meant: `"), "{library}: {notes:?}");
         }
+        let (notes, material) = read(r"C:\x\other.mtl C:\x\m.mtl", &files, true);
+        assert_eq!(material.lambertian, Vec3::splat(0.25));
+        let expected = "for 2 MTL files, another file may be meant: for example, `m.mtl` is used, not ";
+        assert!(notes.len() == 1 && notes[0].starts_with(expected), "{notes:?}");
     }
 
     #[test]

@@ -8,18 +8,13 @@ use super::smoothing;
 use super::text::{
     Chunk, Mistake, Seen, Source, decimal, keyword, number, quoted, tokens, usual_vector, words,
 };
+use super::vertex_colours::UNCOLOURED;
 use super::wishes;
-use crate::scene::files::{Placement, is_outside, linear, note_clear, note_outside};
+use crate::scene::files::Placement;
 use crate::scene::validate::MAX_COORDINATE;
 use crate::words::counted;
 use glam::{DVec3, Vec3};
 
-/// The colour of a vertex for which the file has no colour. Channels of colours are later limited to 1, so a
-/// vertex without a colour becomes white.
-pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
-/// If a channel of a colour is larger than this, all channels in the file count as numbers from 0 to 255. The
-/// limit is above 1, because rounded channels may be slightly larger than 1. The same holds for alpha.
-const MOST_OF_UNIT: f32 = 1.5;
 /// The largest valid coordinate of a mesh that may be scaled. The distance between two points within this
 /// limit is finite in double precision.
 const LARGEST: f64 = 1e300;
@@ -112,12 +107,12 @@ pub(super) struct PointChunk {
     /// Colours as they are in the file: one per vertex, up to the last vertex with a colour. A vertex without
     /// a colour has [`UNCOLOURED`].
     pub colours: Vec<Vec3>,
-    /// The largest channel of all colours.
-    pub brightest: f32,
     /// The alpha of each vertex with an alpha, as it is in the file.
     pub alphas: Vec<f32>,
     /// Vertices with a colour that is not valid. These vertices count as vertices without a colour.
     pub odd_colours: Seen,
+    /// Vertices with numbers after their alpha, and normals with more than three numbers.
+    pub surplus: Seen,
     /// The smoothing group of the last `s` line of the piece; `None` if there is no `s` line.
     pub last_smoothing: Option<String>,
     /// The vertices with only two coordinates.
@@ -142,13 +137,15 @@ impl PointChunk {
             (None | Some(Some(_)), None, _) => return,
             _ => return self.odd_colours.at(offset),
         };
-        // A fourth word that is not a number counts as an alpha of 0, so that the note on ignored alphas counts
-        // it.
-        self.alphas.extend(next().map(Option::unwrap_or_default));
+        if let Some(alpha) = next() {
+            // A fourth word that is not a number counts as an alpha of 0, so that the note on ignored alphas
+            // counts it.
+            self.alphas.push(alpha.unwrap_or_default());
+            self.surplus.at_if(next().is_some(), offset);
+        }
         self.coloured += 1;
         self.colours.resize(self.positions.len() - 1, UNCOLOURED);
         self.colours.push(Vec3::new(red, green, blue));
-        self.brightest = self.brightest.max(red).max(green).max(blue);
     }
 
     fn vertex(&mut self, rest: &[u8], offset: usize, reading: &Reading) {
@@ -182,11 +179,13 @@ impl PointChunk {
             self.normals.push(Vec3::from_array(normal));
             return;
         }
-        let normal = vector(offset, "normal", &mut tokens(rest), &Reading::USUAL).unwrap_or_else(|_| {
+        let mut words = tokens(rest);
+        let normal = vector(offset, "normal", &mut words, &Reading::USUAL);
+        self.surplus.at_if(normal.is_ok() && words.next().is_some(), offset);
+        self.normals.push(normal.unwrap_or_else(|_| {
             self.odd_normals.push(Odd { number: self.normals.len(), offset });
             Vec3::ZERO
-        });
-        self.normals.push(normal);
+        }));
     }
 
     /// Marks the vertices with only two coordinates as not valid.
@@ -245,48 +244,6 @@ pub(super) fn read(chunk: &Chunk, reading: &Reading) -> PointChunk {
     points
 }
 
-/// Returns true if at least one vertex of the file has a colour.
-pub(super) fn are_coloured(chunks: &[PointChunk]) -> bool {
-    chunks.iter().any(|chunk| chunk.coloured > 0)
-}
-
-/// Returns the value of a channel at full intensity. Some programs write colours from 0 to 255, others from 0 to 1. All
-/// colours of a file have the same range.
-fn full_channel(channels: impl Iterator<Item = f32>) -> f32 {
-    if channels.fold(0.0, f32::max) > MOST_OF_UNIT { 255.0 } else { 1.0 }
-}
-
-/// Adds notes on the vertices whose colours raycl changes, or does not use.
-pub(super) fn note_colours(chunks: &[PointChunk], source: &Source, notes: &mut Vec<String>) {
-    let full = full_channel(chunks.iter().map(|chunk| chunk.brightest));
-    let is_limited = |colour: &&Vec3| **colour != UNCOLOURED && is_outside(&(**colour / full));
-    let limited = chunks.iter().flat_map(|chunk| &chunk.colours).filter(is_limited).count();
-    notes.extend(note_outside(limited, "vertex"));
-    let alphas = || chunks.iter().flat_map(|chunk| &chunk.alphas).copied();
-    let opaque = full_channel(alphas());
-    notes.extend(note_clear(alphas().filter(|alpha| *alpha < opaque).count(), "vertex"));
-    let odd = chunks.iter().map(|chunk| chunk.odd_colours).fold(Seen::default(), Seen::joined);
-    let note = || {
-        let (line, vertices) = (source.line(odd.first), counted(odd.count, "vertex"));
-        format!(
-            "line {line}: colours of {vertices} are not used: expected three finite numbers after x, y and z"
-        )
-    };
-    notes.extend((odd.count > 0).then(note));
-}
-
-/// Returns the linear colours of the file's vertices.
-pub(super) fn linear_colours(chunks: &[PointChunk]) -> Vec<Vec3> {
-    let full = full_channel(chunks.iter().map(|chunk| chunk.brightest));
-    let mut colours = Vec::with_capacity(chunks.iter().map(|chunk| chunk.positions.len()).sum());
-    for chunk in chunks {
-        let end = colours.len() + chunk.positions.len();
-        colours.extend(chunk.colours.iter().map(|colour| (colour / full).min(Vec3::ONE).map(linear)));
-        colours.resize(end, Vec3::ONE);
-    }
-    colours
-}
-
 /// If some vertices of the file have two coordinates and others three, marks the vertices with two
 /// coordinates as not valid. If all valid vertices have two coordinates, as in a plane drawing, nothing
 /// changes.
@@ -303,6 +260,13 @@ pub(super) fn note_flat(chunks: &[PointChunk], notes: &mut Vec<String>) {
     let flat = chunks.iter().map(|chunk| chunk.flat.len()).sum();
     let note = || format!("{} with two numbers each: z is 0", counted(flat, "vertex"));
     notes.extend((flat > 0).then(note));
+}
+
+/// Adds a note on vertices and normals with more numbers than raycl reads, if there are any.
+pub(super) fn note_surplus(chunks: &[PointChunk], source: &Source, notes: &mut Vec<String>) {
+    let surplus = Seen::of_all(chunks.iter().map(|chunk| chunk.surplus));
+    let what = "numbers after the seventh of `v` or the third of `vn` are ignored";
+    notes.extend(source.note_on_lines("line ", surplus, what));
 }
 
 /// Returns the error for a vertex that is not valid. `scaled` is true if the mesh may be scaled: the limit of its

@@ -211,17 +211,17 @@ fn normals_at_some_corners_only_are_generated_at_all() {
     let file = read(&format!("{CORNERS}vn 1 0 0\nf 1//1 2 3\n")).unwrap();
     assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
     let [note] = &file.notes[..] else { panic!("{:?}", file.notes) };
-    assert!(note.starts_with("line 5: a face has a normal index at some corners only"), "{note}");
+    assert!(note.starts_with("line 5: 1 face has a normal index at some corners only"), "{note}");
     for face in ["f 1 2 3", "f 1//1 2//1 3//1"] {
         assert!(read(&format!("{CORNERS}vn 1 0 0\n{face}\n")).unwrap().notes.is_empty(), "{face}");
     }
 }
 
 #[test]
-fn of_several_faces_with_normals_at_some_corners_the_first_is_noted() {
+fn faces_with_normals_at_some_corners_only_are_counted() {
     let file = read(&format!("{CORNERS}vn 1 0 0\nf 1 2 3\nf 1//1 2 3\nf 1 2//1 3\n")).unwrap();
     let [note] = &file.notes[..] else { panic!("{:?}", file.notes) };
-    assert!(note.starts_with("line 6: a face has a normal index at some corners only"), "{note}");
+    assert!(note.starts_with("line 6: 2 faces have a normal index at some corners only"), "{note}");
 }
 
 /// Returns the notes for an OBJ file that contains `obj` and then one triangle, with the MTL file `mtl`.
@@ -336,13 +336,23 @@ fn what_a_mesh_asks_for_is_noted_by_name_and_count() {
             "is defined in no MTL file (material `None`): the default, k_L 0.8 (grey), is used, unless the scene sets",
         ),
         (
-            "usemtl b\nusemtl a\nusemtl",
+            "usemtl b\nusemtl a",
             "2 materials named by `usemtl` are defined in no MTL file (for example material `a`)",
         ),
     ];
     for (lines, expected) in cases {
         let notes = notes_of(lines, "");
         assert!(notes.len() == 1 && notes[0].contains(expected), "{lines}: {notes:?}");
+    }
+    let forms = [
+        ("Ka spectral a.rfl", "Ka"),
+        ("Ka xyz 0 0 0", "Ka"),
+        ("Tf spectral a.rfl", "Tf"),
+        ("Tf xyz 1 1 1", "Tf"),
+    ];
+    for (line, key) in forms {
+        let notes = notes_of("usemtl a", &format!("newmtl a\n{line}\n"));
+        assert!(notes.len() == 1 && notes[0].contains(&format!("({key})")), "{line}: {notes:?}");
     }
     let without =
         "o a\ng b c\ns 1\nmg off\nvt 0 0\nv 0 0 0 1\nvp 1\nbevel off\nusemap off\n# l 1 2\n\nf 1/1 2/1 3/1";
@@ -410,20 +420,21 @@ fn colours_of_vertices_that_are_changed_or_not_used_are_noted() {
     let limited = "1 vertex with a colour outside 0 to 1 is shown with channels limited to this range";
     let alpha = "alpha of 1 vertex is not used: every surface is opaque";
     let odd = "line 1: colours of 1 vertex are not used: expected three finite numbers after x, y and z";
+    let white = "1 vertex without a colour is shown in white";
     for (first, expected) in [
-        ("", vec![]),
-        ("0.5", vec![]),
+        ("", vec![white]),
+        ("0.5", vec![white]),
         ("0 0.5 1.001 1", vec![]),
         ("0 1.2 0", vec![limited]),
         ("0 -0.5 0", vec![limited]),
         ("0 0.5 1 0.9", vec![alpha]),
         ("0 0.5 1 nan", vec![alpha]),
         ("1.2 0 0 0.9", vec![limited, alpha]),
-        ("nan 0 0", vec![odd]),
-        ("0 1e400 0", vec![odd]),
-        ("0 0 1.#INF", vec![odd]),
-        ("0.5 0.5", vec![odd]),
-        ("red", vec![odd]),
+        ("nan 0 0", vec![white, odd]),
+        ("0 1e400 0", vec![white, odd]),
+        ("0 0 1.#INF", vec![white, odd]),
+        ("0.5 0.5", vec![white, odd]),
+        ("red", vec![white, odd]),
     ] {
         assert_eq!(notes(first, "1 1 1 1"), expected, "{first}");
     }
@@ -431,6 +442,56 @@ fn colours_of_vertices_that_are_changed_or_not_used_are_noted() {
     assert_eq!(notes("0 9 255 255", "0 9 255 254"), two(alpha));
     assert_eq!(notes("0 9 255 255", "0 9 256 255"), two(limited));
     assert_eq!(notes("", "red"), two(&odd.replace("line 1", "line 2")));
+}
+
+#[test]
+fn colours_of_vertices_that_no_triangle_uses_have_no_effect() {
+    for unused in ["1 0 0", "255 0 0", "-1 0 0"] {
+        let file = read(&format!("{CORNERS}v 5 5 5 {unused}\nf 1 2 3\n")).unwrap();
+        assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::splat(0.8), "{unused}");
+        assert_eq!(file.notes, [""; 0], "{unused}");
+        let used = "v 0 0 0 0 1 0\nv 1 0 0 0 1 0\nv 0 1 0 0 1 0\n";
+        let file = read(&format!("{used}v 5 5 5 {unused}\nv 6 6 6\nf 1 2 3\n")).unwrap();
+        assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::Y, "{unused}");
+        assert_eq!(file.notes, [""; 0], "{unused}");
+    }
+}
+
+#[test]
+fn a_range_of_colours_that_is_doubtful_is_noted() {
+    let notes = |red: &str| {
+        read(&format!("v 0 0 0 {red} 1 1\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nf 1 2 3\n")).unwrap().notes
+    };
+    assert_eq!(notes("1.6"), ["colours of vertices count as 0 to 255, since a channel is 1.6"]);
+    assert_eq!(notes("15").len(), 1);
+    assert_eq!([notes("1"), notes("16"), notes("200")].concat(), [""; 0]);
+}
+
+#[test]
+fn lines_with_more_numbers_than_are_read_are_counted() {
+    let text = "v 0 0 0 1 1 1 1 7\nv 1 0 0 1 1 1 1\nv 0 1 0 1 1 1 1 # 7 8\nvn 0 0 1 5\nvn 0 0 1\nf 1 2 3\n";
+    let expected = "line 1: numbers after the seventh of `v` or the third of `vn` are ignored (2 lines)";
+    assert_eq!(read(text).unwrap().notes, [expected]);
+    let textured = |coordinates: &str| {
+        let mut notes = notes_of(coordinates, "newmtl a\nmap_Kd a.png\n");
+        notes.retain(|note| note.contains("vt"));
+        notes
+    };
+    let expected = "line 6: numbers after the second of `vt` are ignored (2 lines)";
+    assert_eq!(textured("vt 0 0 0.000\nvt 1 1 0.5\nvt 1 1 0 x\nvt 0 1"), [expected]);
+    assert_eq!(textured("vt 0 0 0.000\nvt 1 1 -0\nvt 0 1 # 1"), [""; 0]);
+    assert_eq!(textured("vt nan 0 1").len(), 1);
+}
+
+#[test]
+fn lines_without_a_name_are_counted() {
+    let red = "newmtl a\nKd 1 0 0\n";
+    let expected = "line 6: `usemtl` without a name selects the default material (2 lines)";
+    let file = with_materials("usemtl a\nusemtl\nusemtl # none", red);
+    assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::splat(0.8));
+    assert_eq!(file.notes, [expected]);
+    assert_eq!(notes_of("usemtl", &format!("newmtl\n{red}")), [""; 0], "a material has the empty name");
+    assert_eq!(notes_of("mtllib\nmtllib # none", ""), ["2 `mtllib` lines without a name are ignored"]);
 }
 
 #[test]

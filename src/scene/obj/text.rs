@@ -1,6 +1,7 @@
 //! Divides OBJ text into pieces of whole lines, lines and words, parses numbers, and locates mistakes.
 
 use crate::error::Error;
+use crate::words::counted;
 use memchr::memchr_iter;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -61,9 +62,21 @@ impl Seen {
         self.count += 1;
     }
 
+    /// Counts a line if `is_irregular` is true.
+    pub fn at_if(&mut self, is_irregular: bool, offset: usize) {
+        if is_irregular {
+            self.at(offset);
+        }
+    }
+
+    /// Joins what was seen in all pieces of the file, in their order.
+    pub fn of_all(pieces: impl Iterator<Item = Self>) -> Self {
+        pieces.fold(Self::default(), Self::joined)
+    }
+
     /// Joins what was seen in this piece of the file and in a later piece. Returns the number of irregular
     /// lines in both pieces together, and the byte offset of the first irregular line.
-    pub fn joined(self, later: Self) -> Self {
+    fn joined(self, later: Self) -> Self {
         Self {
             count: self.count + later.count,
             first: if self.count == 0 { later.first } else { self.first },
@@ -83,6 +96,13 @@ impl Source<'_> {
     /// Returns the number, from 1, of the line that contains the byte at `offset`.
     pub fn line(&self, offset: usize) -> usize {
         1 + self.text[..offset.min(self.text.len())].iter().filter(|&&byte| byte == b'\n').count()
+    }
+
+    /// Returns a note on the lines in `seen`; `None` if there are none. `what` says what raycl does with the lines.
+    /// `before` is the text before the number of the first line.
+    pub fn note_on_lines(&self, before: &str, seen: Seen, what: &str) -> Option<String> {
+        let note = || format!("{before}{}: {what} ({})", self.line(seen.first), counted(seen.count, "line"));
+        (seen.count > 0).then(note)
     }
 
     /// Returns a mistake's line and message for a note. If the text may not be quoted, the message is
@@ -293,9 +313,19 @@ pub(super) fn possible_names(text: &str) -> [&str; 3] {
 /// Returns the paths that a text may mean, in the order in which they are looked up: the paths of the text as it is
 /// and, if the text begins with a name in double quotes, the paths of this name. Some programs write such quotes.
 pub(super) fn possible_paths(text: &str) -> impl Iterator<Item = &str> {
+    with_unquoted(text).flat_map(unquoted_paths)
+}
+
+/// Returns those of the [`possible_paths`] that have all folders of the text.
+pub(super) fn stated_paths(text: &str) -> impl Iterator<Item = &str> {
+    with_unquoted(text).flat_map(possible_names)
+}
+
+/// Returns a text and, if it begins with a name in double quotes, this name.
+fn with_unquoted(text: &str) -> impl Iterator<Item = &str> {
     let quoted = text.trim_ascii_start().strip_prefix('"').and_then(|rest| rest.split_once('"'));
     let name = quoted.map(|(name, _)| name).filter(|name| !name.is_empty());
-    unquoted_paths(text).chain(name.into_iter().flat_map(unquoted_paths))
+    std::iter::once(text).chain(name)
 }
 
 /// Returns the paths that a text without quotes may mean: the [`possible_names`], and then each of these names without

@@ -4,6 +4,7 @@
 use super::asked::{Asked, Wish};
 use super::coordinates::Coordinates;
 use super::mtl::Reach;
+use super::namesakes::Namesakes;
 use super::text::{decimal, name_tokens, number, possible_names, possible_paths, quoted, quoted_name, words};
 use super::values::{Unfit, unfit_map};
 use super::wishes::names_picture;
@@ -51,6 +52,13 @@ impl Maps {
         maps
     }
 
+    /// Returns the textures without the locations of the lines that name them.
+    pub fn without_lines(&self) -> Self {
+        let all = [&self.colour, &self.mask, &self.emission];
+        let [colour, mask, emission] = all.map(|map| map.clone().map(|map| Map { at: String::new(), ..map }));
+        Self { colour, mask, emission }
+    }
+
     /// Returns true if the material has a colour texture, a mask or an emission texture.
     pub fn has_any(&self) -> bool {
         self.mapping().is_some()
@@ -62,20 +70,22 @@ impl Maps {
         self.colour.as_ref().or(self.mask.as_ref()).or(self.emission.as_ref())
     }
 
-    /// Loads the textures; returns `None` if none could be loaded. Calls `report` for each texture that
+    /// Loads the textures; returns `None` if none could be loaded. Adds to `namesakes` the pictures that are perhaps
+    /// not those that the file means. Calls `report` for each texture that
     /// cannot be read. The first argument of `report` is a text that names the file and the reason. The
     /// second argument is a function that makes a note on the texture.
     fn load(
         &self,
         reach: Reach<'_>,
         pictures: &mut Pictures,
+        namesakes: &mut Namesakes,
         report: &mut dyn FnMut(String, &dyn Fn() -> String),
     ) -> Loaded<'_> {
         let mapping = self.mapping()?;
         let wrap = [mapping.wrap; 2];
         let mut load = |map: &Option<Map>, usage, [what, instead]: [&str; 2]| {
             let map = map.as_ref()?;
-            map.load(reach, pictures, usage)
+            map.load(reach, pictures, namesakes, usage)
                 .map_err(|why| {
                     // The text `about` has no line number, so only one note is added if many materials name
                     // the same file. The text `about` has the whole name of the file, so that different files
@@ -90,9 +100,16 @@ impl Maps {
         let mask = load(&self.mask, Usage::mask(wrap, LEAST_ALPHA), ["mask", "its surface has no holes"]);
         let emission =
             load(&self.emission, Usage::colour(wrap), ["emission texture", "its surface emits no light"]);
+        for (map, number) in [(&self.colour, colour), (&self.emission, emission)] {
+            if let (Some(map), Some(number), None) = (map, number, &self.mask) {
+                pictures.leave_out_alpha(number, map.name());
+            }
+        }
         mask.iter().for_each(|mask| brightness_to_alpha(&mut pictures.list[*mask as usize]));
-        let is_whitened = [(&self.colour, colour), (&self.emission, emission)]
-            .map(|(map, number)| number.is_some() && map.as_ref().is_some_and(|map| map.alone));
+        let coloured = [(&self.colour, colour), (&self.emission, emission)];
+        let is_whitened = coloured.map(|(map, number)| {
+            number.is_some() && map.as_ref().is_some_and(|map| map.factor != Factor::Own)
+        });
         let all = [colour, mask, emission];
         all.iter().any(Option::is_some).then_some(LoadedMaps { mapping, all, is_whitened })
     }
@@ -107,8 +124,27 @@ struct LoadedMaps<'a> {
     mapping: &'a Map,
     /// The indices of the colour texture, the mask and the emission texture in `Pictures::list`.
     all: [Option<u32>; 3],
-    /// True if the colour texture, or the emission texture, is multiplied by white (see [`Map::alone`]).
+    /// True if the colour texture, or the emission texture, is multiplied by white (see [`Factor`]).
     is_whitened: [bool; 2],
+}
+
+/// The colour of a material by which a texture is multiplied. A texture is multiplied by white if this colour is
+/// missing or black, since black would hide the texture and the default grey would darken it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Factor {
+    Missing,
+    Black,
+    Own,
+}
+
+impl Factor {
+    pub fn of(colour: Option<[f32; 3]>) -> Self {
+        match colour {
+            None => Self::Missing,
+            Some([0.0, 0.0, 0.0]) => Self::Black,
+            Some(_) => Self::Own,
+        }
+    }
 }
 
 /// A texture of a material.
@@ -120,10 +156,8 @@ pub(super) struct Map {
     at: String,
     /// The folder of the MTL file, relative to the mesh's folder; empty, or with a slash at its end.
     folder: String,
-    /// True if the material's own colour (`Ke` for an emission texture, otherwise `Kd`) is missing or black.
-    /// The texture is then multiplied by white, since black would hide it and the default grey would darken
-    /// it.
-    alone: bool,
+    /// The material's own colour: `Ke` for an emission texture, otherwise `Kd`.
+    factor: Factor,
     scale: [f64; 2],
     offset: [f64; 2],
     wrap: Wrap,
@@ -139,17 +173,23 @@ impl Map {
             named: String::new(),
             at: String::new(),
             folder: String::new(),
-            alone: false,
+            factor: Factor::Missing,
             scale: [1.0; 2],
             offset: [0.0; 2],
             wrap: Wrap::Repeat,
             asked: Asked::default(),
         };
         let all: Vec<&[u8]> = name_tokens(rest).collect();
-        let mut at = 0;
+        let (mut at, mut earlier) = (0, Vec::new());
         while let Some(option) = all.get(at).filter(|token| token.starts_with(b"-") && token.len() > 1) {
             at += 1;
+            let before = map.placement();
             at += map.option(keyword, option, &all[at..])?;
+            if earlier.contains(&option) && map.placement() != before {
+                let first = [keyword.as_bytes(), b" first ", option].concat();
+                map.asked.add(Wish::TextureOption, &first);
+            }
+            earlier.push(option);
         }
         let without = || unfit_map(keyword, format!("{keyword} without a file"), "the name of a picture");
         // A file name may contain spaces, so the name is the rest of the line.
@@ -178,12 +218,14 @@ impl Map {
             self.asked.add(Wish::TextureOption, name.trim_ascii_end());
         };
         Ok(match option {
-            b"-s" => {
-                self.scale = pair(&numbers()?, 1.0);
-                count
-            }
-            b"-o" => {
-                self.offset = pair(&numbers()?, 0.0);
+            // A picture has only two directions, so the third number, w, has no effect.
+            b"-s" | b"-o" => {
+                let (numbers, usual) = (numbers()?, if option == b"-s" { 1.0 } else { 0.0 });
+                if numbers.get(2).is_some_and(|number| *number != usual) {
+                    unsupported(b"w");
+                }
+                let placed = if option == b"-s" { &mut self.scale } else { &mut self.offset };
+                *placed = pair(&numbers, usual);
                 count
             }
             b"-clamp" if is(b"on") || is(b"off") => {
@@ -206,9 +248,9 @@ impl Map {
         })
     }
 
-    /// Sets the fields `at`, `folder` and `alone`.
-    pub fn with_context(self, at: String, folder: &str, alone: bool) -> Self {
-        Self { at, folder: folder.to_owned(), alone, ..self }
+    /// Sets the fields `at`, `folder` and `factor`.
+    pub fn with_context(self, at: String, folder: &str, factor: Factor) -> Self {
+        Self { at, folder: folder.to_owned(), factor, ..self }
     }
 
     /// Returns the name of the picture's file for messages. If a part of the text is certainly a comment,
@@ -240,11 +282,20 @@ impl Map {
     /// Returns the index, in `Pictures::list`, of the map's texture: the first file of [`Self::paths`] that
     /// can be used. If no file can be used, returns what is wrong with the first file that the mesh may read.
     /// If the mesh may read none of the files, returns what is wrong with the file [`Self::name`].
-    fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, usage: Usage) -> Result<u32, String> {
+    fn load(
+        &self,
+        reach: Reach<'_>,
+        pictures: &mut Pictures,
+        namesakes: &mut Namesakes,
+        usage: Usage,
+    ) -> Result<u32, String> {
         let mut unusable = None;
         for path in self.paths().filter(|path| reach.locate(path).is_ok()) {
             match pictures.file(reach, &path, usage) {
-                Ok(number) => return Ok(number),
+                Ok(number) => {
+                    namesakes.look_at(reach, &self.named, &self.folder, &path);
+                    return Ok(number);
+                }
                 Err(why) => unusable = unusable.or(Some(why)),
             }
         }
@@ -309,12 +360,15 @@ pub(super) fn apply(
     let used = mesh.materials_of_triangles();
     let mut pictures = Pictures::default();
     let mut loaded = vec![None; maps.len()];
-    let mut unusable = FewNotes::default();
+    let (mut unusable, mut namesakes) = (FewNotes::default(), Namesakes::default());
     for (material, maps) in maps.iter().enumerate().filter(|(material, _)| used[*material]) {
-        loaded[material] =
-            maps.load(reach, &mut pictures, &mut |about, note| unusable.add(about, note, notes));
+        loaded[material] = maps
+            .load(reach, &mut pictures, &mut namesakes, &mut |about, note| unusable.add(about, note, notes));
     }
     notes.extend(unusable.rest("texture"));
+    notes.extend(namesakes.note("texture", reach.permitted.quotes));
+    notes.extend(pictures.notes(reach.permitted.quotes));
+    note_black(maps, &loaded, notes);
     let mut without = Vec::new();
     let rows = mesh.triangles.iter().zip(&faces.corners).enumerate().map(|(number, (triangle, corners))| {
         let Some(LoadedMaps { mapping: map, all: [colour, mask, _], .. }) =
@@ -341,6 +395,25 @@ pub(super) fn apply(
     let dark = mesh.leave_out_emission_textures(&without);
     if !without.is_empty() {
         notes.push(unmapped(without.len(), dark));
+    }
+}
+
+/// Adds notes on the materials whose black colour is replaced by white (see [`Factor`]).
+fn note_black(maps: &[Maps], loaded: &[Loaded<'_>], notes: &mut Vec<String>) {
+    let kinds: [(_, _, fn(&Maps) -> &Option<Map>); 2] =
+        [("Kd", 0, |maps| &maps.colour), ("Ke", 2, |maps| &maps.emission)];
+    for (key, number, map) in kinds {
+        let is_loaded = |loaded: &Loaded<'_>| loaded.is_some_and(|loaded| loaded.all[number].is_some());
+        let is_black = |maps: &Maps| map(maps).as_ref().is_some_and(|map| map.factor == Factor::Black);
+        let both = maps.iter().zip(loaded).filter(|(maps, loaded)| is_loaded(loaded) && is_black(maps));
+        let count = both.count();
+        let note = || {
+            format!(
+                "{key} 0 0 0 beside map_{key} counts as {key} 1 1 1, since black would hide the texture ({})",
+                counted(count, "material")
+            )
+        };
+        notes.extend((count > 0).then(note));
     }
 }
 
@@ -429,6 +502,11 @@ mod tests {
         for (rest, options) in [
             (" -bm 2 -clamp off a.png", &[" (map_Kd -bm)"][..]),
             (" -clamp off a.png", &[]),
+            (" -s 2 2 1 -o 1 1 0 a.png", &[]),
+            (" -s 2 2 2 a.png", &[" (map_Kd -s w)"]),
+            (" -o 1 1 1 a.png", &[" (map_Kd -o w)"]),
+            (" -s 2 -s 2 a.png", &[]),
+            (" -s 2 -o 1 -s 3 a.png", &[" (map_Kd first -s)"]),
             (" -clamp yes a.png", &[" (map_Kd -clamp yes)"]),
             (" -clamp a.png", &[" (map_Kd -clamp a.png)"]),
         ] {
@@ -446,7 +524,7 @@ mod tests {
     fn a_picture_is_searched_beside_the_mesh_and_its_material_file_with_and_without_its_folders() {
         let paths = |rest: &str| {
             let map = Map::of_line("map_Kd", rest.as_bytes()).unwrap();
-            map.with_context(String::new(), "mats/", false).paths().collect::<Vec<_>>()
+            map.with_context(String::new(), "mats/", Factor::Own).paths().collect::<Vec<_>>()
         };
         let expected = [
             "C:\\x\\a #2.png",

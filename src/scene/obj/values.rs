@@ -78,6 +78,10 @@ pub(super) fn colour(key: &str, rest: &[u8]) -> Result<[f32; 3], Unfit> {
     }
 }
 
+/// What raycl does with lines that [`has_more`] finds.
+pub(super) const MORE: &str =
+    "values after the third of Kd, Ks or Ke, or after the first of Ns, are not read";
+
 /// Returns true if a line has more values than raycl reads of `Kd`, `Ks`, `Ke` or `Ns`.
 pub(super) fn has_more(key: &[u8], rest: &[u8]) -> bool {
     let most = match key {
@@ -87,16 +91,6 @@ pub(super) fn has_more(key: &[u8], rest: &[u8]) -> bool {
         _ => return false,
     };
     tokens(rest).nth(most).is_some()
-}
-
-/// Returns a note on lines that have more values than raycl reads; `None` if there are none.
-pub(super) fn note_more(lines: Seen, source: &Source) -> Option<String> {
-    let note = || {
-        let (line, lines) = (source.line(lines.first), counted(lines.count, "line"));
-        let what = "values after the third of Kd, Ks or Ke, or after the first of Ns, are not read";
-        format!("{}:{line}: {what} ({lines})", source.name)
-    };
-    (lines.count > 0).then(note)
 }
 
 /// Parses the value of `Ns`.
