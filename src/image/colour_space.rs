@@ -51,7 +51,10 @@ fn other_primaries(data: &[u8]) -> Option<String> {
 mod tests {
     use super::*;
 
-    fn png(chunks: &[(&[u8], &[u8])]) -> Vec<u8> {
+    /// The types and the data of chunks.
+    type Chunks<'a> = &'a [(&'a [u8], &'a [u8])];
+
+    fn png(chunks: Chunks<'_>) -> Vec<u8> {
         let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
         for (kind, data) in chunks {
             bytes.extend([&(data.len() as u32).to_be_bytes(), *kind, *data, &[0; 4]].concat());
@@ -65,7 +68,7 @@ mod tests {
         let usual = words(&[31_270, 32_900, 64_000, 33_000, 30_000, 60_000, 15_000, 6_000]);
         let other = words(&[31_270, 32_900, 70_800, 29_200, 17_000, 79_700, 13_100, 4_600]);
         let (linear, curved) = (words(&[100_000]), words(&[45_455]));
-        let cases: [(&[(&[u8], &[u8])], Option<&str>); 9] = [
+        let cases: [(Chunks<'_>, Option<&str>); 9] = [
             (&[], None),
             (&[(b"gAMA", &curved), (b"cHRM", &usual)], None),
             (&[(b"gAMA", &linear)], Some("gAMA 1")),

@@ -400,13 +400,12 @@ pub(super) fn apply(
 
 /// Adds notes on the materials whose black colour is replaced by white (see [`Factor`]).
 fn note_black(maps: &[Maps], loaded: &[Loaded<'_>], notes: &mut Vec<String>) {
-    let kinds: [(_, _, fn(&Maps) -> &Option<Map>); 2] =
-        [("Kd", 0, |maps| &maps.colour), ("Ke", 2, |maps| &maps.emission)];
-    for (key, number, map) in kinds {
+    let count = |number: usize, map: fn(&Maps) -> &Option<Map>| {
         let is_loaded = |loaded: &Loaded<'_>| loaded.is_some_and(|loaded| loaded.all[number].is_some());
         let is_black = |maps: &Maps| map(maps).as_ref().is_some_and(|map| map.factor == Factor::Black);
-        let both = maps.iter().zip(loaded).filter(|(maps, loaded)| is_loaded(loaded) && is_black(maps));
-        let count = both.count();
+        maps.iter().zip(loaded).filter(|(maps, loaded)| is_loaded(loaded) && is_black(maps)).count()
+    };
+    for (key, count) in [("Kd", count(0, |maps| &maps.colour)), ("Ke", count(2, |maps| &maps.emission))] {
         let note = || {
             format!(
                 "{key} 0 0 0 beside map_{key} counts as {key} 1 1 1, since black would hide the texture ({})",
