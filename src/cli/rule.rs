@@ -25,7 +25,7 @@ const ROUNDS: u32 = 5;
 /// Arguments of `raycl rule`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  raycl rule docs/rule.toml --device cpu -o sweep.json    measure the candidates on the cases for CPUs
+  raycl rule docs/rule.toml --device cpu -o sweep.json    time the candidates on the cases for CPUs
   raycl rule --show docs/results/rule/*.json              the rule's choices for stored sweeps
   raycl rule --fit docs/results/rule/*.json > src/strategy/constants.rs")]
 pub struct Args {
