@@ -18,14 +18,14 @@ use crate::sensor::{Watch, watch};
 use std::collections::HashMap;
 use std::time::Instant;
 
-/// A point of the experiment that can be timed, and its number of frames per sample after the warm-up.
+/// A point of the experiment that can be timed, and its number of frames per sample.
 struct Entry {
     ready: Ready,
     /// Number of frames per sample; `None` before the warm-up.
     batch: Option<u32>,
 }
 
-/// Serves the requests that a run sends to the worker of one device.
+/// Serves the requests that a run sends to one of its workers.
 pub struct RequestHandler<'a> {
     drafter: Drafter<'a>,
     plan: Plan,
@@ -33,7 +33,8 @@ pub struct RequestHandler<'a> {
     /// The loaded scene: that of the point which was last built, checked or cast.
     scene: HeldScene,
     /// A point with the scene and the image size of all points in `entries`; `None` before the first build or check.
-    /// `entries` contains the points that passed their check.
+    /// `entries` contains the points that passed their check; `entries` is emptied when a point with another scene or
+    /// image size is built or checked.
     group: Option<Point>,
     entries: HashMap<usize, Entry>,
     /// The device's anchor (a fixed kernel that is timed in turn with points); `None` until the run first
@@ -115,9 +116,9 @@ impl<'a> RequestHandler<'a> {
         Ok(Reply::Checked { record: Box::new(record), ready })
     }
 
-    /// Prepares the worker for requests about a point of the experiment. If the point has another scene or
-    /// image size than the points in `entries`, drops the entries. If the point needs another scene than the
-    /// current one, or another camera, frees the current scene on the device and loads the other one.
+    /// Prepares the worker for requests about a point of the experiment. If the point has another scene or image size
+    /// than the points in `entries`, drops the entries. If the worker does not hold the point's scene, or holds it with
+    /// a camera for another image shape, frees the current scene on the device and loads the point's scene.
     fn turn_to(&mut self, point: Point) -> Result<()> {
         if self.group.is_none_or(|group| !group.has_scene_and_size_of(&point)) {
             self.entries.clear();
@@ -193,9 +194,8 @@ fn with_processor_ms<T>(device: Option<&DeviceInfo>, cast: impl FnOnce() -> T) -
     (result, is_on_processors.then_some(used.as_secs_f64() * 1e3))
 }
 
-/// The largest number of attempts to take a sample whose times are possible. For example, times are
-/// impossible if the machine was suspended during the sample: the host's clock stood still, but the device's
-/// clock may have gone on.
+/// The largest number of attempts to take a sample whose times are possible. For example, times may be impossible if
+/// the machine was suspended during the sample: the host's clock stood still, but the device's clock may have gone on.
 const ATTEMPTS: usize = 3;
 
 /// Takes a sample with `take`. If `why` returns a reason why the sample's times are impossible, takes another
@@ -217,7 +217,8 @@ fn possible<T>(
 /// The shortest times of the frames of a warm-up, in milliseconds; infinity if there was no frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Warmed {
-    /// The shortest time of a pass (primary rays, shadow rays or shading) by the device's clock.
+    /// The shortest time of a pass (primary rays, shadow rays or shading), or of a frame that is not divided into
+    /// passes. The device's clock measures this time; for a caster on the host, the host's clock measures it.
     pass_ms: f64,
     /// The shortest time of a frame by the host's clock.
     host_ms: f64,
@@ -225,8 +226,8 @@ struct Warmed {
 
 impl Warmed {
     /// Returns the number of frames of a sample. `timer_ns` is a step of the device's timer. If a pass took 0 steps of
-    /// the timer, the number of frames is also limited by the host's clock. A sample then takes at most a tenth of the
-    /// time limit. If a single frame takes longer, the sample consists of one frame.
+    /// the timer, the number of frames is also limited so that a sample, by the host's clock, takes at most about a
+    /// tenth of the time limit. If a single frame takes longer, the sample consists of one frame.
     fn batch(&self, timer_ns: Option<u64>, time_limit_ms: f64) -> u32 {
         let batch = batch_size(self.pass_ms, timer_ns);
         if self.pass_ms > 0.0 {
@@ -257,7 +258,8 @@ fn warm_up(
     warmed
 }
 
-/// Returns the error for a request about a point that is not in the plan.
+/// Returns the error for a request about a point that is not in the plan, or for a request to cast a point that has not
+/// passed a check.
 pub(super) fn no_such_point() -> Error {
     Error::fault("a worker process received a request for an unknown point")
 }
@@ -533,12 +535,12 @@ mod tests {
 
     #[test]
     fn a_coarse_timer_times_batches_even_without_a_warm_up() {
-        // A sample should take fifty steps of the device's timer, here fifty steps of 1000 s. The test's frames
-        // are so short, even on a busy machine, that the batch gets the largest number of frames, 256.
+        // Each pass of a sample should take at least fifty steps of the device's timer, here fifty steps of 1000 s. The
+        // test's frames are so short, even on a busy machine, that the batch gets the largest number of frames, 256.
         let batch = sample(DeviceKind::Cpu, Some(1_000_000_000_000));
         assert_eq!(batch.batch, Some(256));
-        // Processor time and elapsed time are both per frame. The limit of the ratio of processor time to
-        // elapsed time assumes that no machine has more than 1000 processors.
+        // Processor time and elapsed time are both per frame. The test allows up to 1000 times as much processor time
+        // as elapsed time, since hardly any machine has more than 1000 processors.
         let most_ms = 1e3 * batch.host_ms;
         assert!(batch.processor_ms.is_some_and(|ms| ms < most_ms), "{batch:?}");
         assert_eq!(sample(DeviceKind::Cpu, Some(1)).batch, None);

@@ -24,9 +24,9 @@ pub trait ResultSink {
     /// both are unknown, `measured_by` is `None`.
     fn sample(&mut self, record: &Record, round: u32, measured_by: Option<&str>, taken: &Taken)
     -> Result<()>;
-    /// Stores how a launch ended, if the points got enough samples in the launch.
+    /// Stores the end of a launch that a stopping rule ended: the rule, and each point's number of samples.
     fn launch_end(&mut self, end: &LaunchEnd) -> Result<()>;
-    /// Stores the load of other processes while rounds were timed.
+    /// Stores the machine's load while rounds were timed, and the core-to-core latency after these rounds.
     fn load(&mut self, load: &RoundLoad) -> Result<()>;
     /// Stores a time of the anchor.
     fn anchor(&mut self, sample: &AnchorSample) -> Result<()>;
@@ -44,9 +44,9 @@ pub trait ResultSink {
     /// each record then names the device that measured its point. Also returns `None` if the launch measured
     /// only baselines.
     fn measured_on(&self, launch: u32) -> Option<MeasuredOn>;
-    /// Returns the core-to-core latency of near processors in nanoseconds; infinity if the latency is
-    /// unknown. Near processors run on cores at their usual distance. The latency is computed from all readings
-    /// in the folder's journals of rounds and samples, `rounds.jsonl` and `samples.jsonl`.
+    /// Returns the core-to-core latency of near processors in nanoseconds; infinity if the latency is unknown.
+    /// Processors are near if they run on cores at their usual distance from each other. The latency is computed from
+    /// all readings in the folder's journals of rounds and samples, `rounds.jsonl` and `samples.jsonl`.
     fn near_ns(&self) -> f64;
 }
 
@@ -112,8 +112,9 @@ impl ResultSink for FolderSink<'_> {
         self.results.near_ns()
     }
 
-    /// Adds the date, the machine and the share of the device's peak rates to the record, writes the record to disk,
-    /// and then informs the observer. The observer is not told about a control point that is measured only for
+    /// Adds to the record: the date, the machine's name (if the experiment is divided into shards), the device's peak
+    /// rate, and the fraction of the peak rate that the point reached (if the rates are known). Then writes the record
+    /// to disk, and informs the observer. The observer is not told about a control point that is measured only for
     /// comparison.
     fn keep(&mut self, mut record: Record) -> Result<()> {
         Peak::apply(self.results.peak(), &mut record);

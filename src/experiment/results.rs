@@ -30,9 +30,10 @@ pub struct Results {
     anchors: JsonLines<AnchorSample>,
     /// The journal of control points; `None` until this session stores the first record of a control point.
     controls: Option<JsonLines<Record>>,
-    /// The machine's name, if an experiment is measured on several machines.
+    /// The machine's name, if the experiment is divided into shards.
     host: Option<String>,
-    /// The core-to-core latencies in the folder's journals of rounds and samples, except those of earlier attempts.
+    /// The core-to-core latencies in the folder's journals of rounds and samples. Samples and rounds that were copied
+    /// from earlier attempts have no latencies.
     latencies: Latencies,
     past: Past,
     peak: Vec<Peak>,
@@ -43,8 +44,8 @@ pub struct Results {
 const ELSEWHERE: &str = "choose another folder with --out DIR";
 
 impl Results {
-    /// Makes a new folder of results. A folder that already contains records is refused: no measurement is
-    /// ever overwritten.
+    /// Makes a new folder of results. A folder that already has a journal of records is refused, so that no measurement
+    /// is ever overwritten.
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
         if existing::exists(&folder.join(RECORDS))? {
             let error = Error::input(format!("{} already holds results", folder.display()));
@@ -55,16 +56,15 @@ impl Results {
         Self::resume(folder, environment)
     }
 
-    /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where
-    /// earlier attempts ended. Points with a record in an earlier attempt count as finished, except points
-    /// that exceeded a limit of the device that may differ from session to session
-    /// ([`Record::is_of_the_session`]). If `retry_failed` is true, a point is also unfinished if its record
-    /// is not final ([`Record::is_final`]): a failure, or a lack of memory that may be temporary. If a launch
-    /// has samples of unfinished points, the following data of this launch are copied: all samples that
-    /// count, the end, the anchor's times, and the load of the rounds. Each copied sample names the attempt
-    /// and launch that took the sample. Unless `keeps_moved_samples` is true, samples whose core-to-core
-    /// latency was far from their attempt's usual latency do not count. The folders of the earlier attempts
-    /// are not changed.
+    /// Makes the folder of an attempt at a shard (a part of an experiment); `host` is this machine's name. The attempt
+    /// continues where earlier attempts ended. Points with a record in an earlier attempt count as finished, except
+    /// points that exceeded a limit of the device that may differ from session to session
+    /// ([`Record::is_of_the_session`]). If `retry_failed` is true, a point is also unfinished if its record is not
+    /// final ([`Record::is_final`]): a failure, or a lack of memory that may be temporary. If a launch has samples of
+    /// unfinished points, the following data of this launch are copied: all samples that count, the end, the anchor's
+    /// times, and the load of the rounds. Each copied sample names the attempt and launch that took the sample. Unless
+    /// `keeps_moved_samples` is true, samples whose core-to-core latency was far from their attempt's usual latency do
+    /// not count. The folders of the earlier attempts are not changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,
@@ -113,9 +113,11 @@ impl Results {
         let earlier_records = existing::is_entry(&records)?.then(open_records).transpose()?;
         let (samples, launch_ends) = (JsonLines::append_to(&samples)?, JsonLines::append_to(&launch_ends)?);
         let (rounds, anchors) = (JsonLines::append_to(&rounds)?, JsonLines::append_to(&anchors)?);
-        // A session that cannot open its journals does not begin, and leaves the environment of the last one.
+        // The journals are opened first: a session that cannot open its journals does not begin, and leaves the earlier
+        // session's environment file unchanged.
         keep_environment(folder, write_environment)?;
-        // A folder with a journal of records is refused by the next `create`, so this journal is made last.
+        // `create` refuses a folder with a journal of records. This journal is made last, so that a new run can still
+        // use the folder if an earlier step fails.
         let records = earlier_records.map_or_else(open_records, Ok)?;
         sync_folder(folder).map_err(|error| cannot_make(folder, &error, ELSEWHERE))?;
         Ok(Self {
@@ -184,7 +186,7 @@ impl Results {
         self.controls.as_mut().map_or(Ok(()), |controls| controls.append(record))
     }
 
-    /// Returns the machine's name, if an experiment is measured on several machines.
+    /// Returns the machine's name, if the experiment is divided into shards.
     pub fn host(&self) -> Option<&str> {
         self.host.as_deref()
     }
@@ -201,14 +203,14 @@ impl Results {
         self.samples.append(sample)
     }
 
-    /// Stores the end of a launch whose points had enough samples. Fails if the folder or its `records.jsonl` was
-    /// removed or replaced.
+    /// Stores the end of a launch that a stopping rule ended. Fails if the folder or its `records.jsonl` was removed or
+    /// replaced.
     pub fn launch_end(&mut self, end: &LaunchEnd) -> Result<()> {
         self.records.check_place()?;
         self.launch_ends.append(end)
     }
 
-    /// Stores the load of other processes while rounds were timed.
+    /// Stores the machine's load while rounds were timed, and the core-to-core latency after these rounds.
     pub fn load(&mut self, load: &RoundLoad) -> Result<()> {
         self.latencies.add(load.core_to_core_ns);
         self.rounds.append(load)
@@ -573,7 +575,8 @@ mod tests {
         }
         std::fs::write(folder.path().join(RECORDS), "nonsense\n").unwrap();
         assert_eq!(resumed(), 0);
-        // If the folder has no plan, the journal of records may be a file of another program, so the folder is refused.
+        // If the folder has no plan, a journal of records without an intact line may be another program's file, so the
+        // folder is refused.
         std::fs::remove_file(folder.path().join("plan.json")).unwrap();
         let refused = Results::resume(folder.path(), &Environment::default()).err().unwrap();
         assert_eq!(refused.exit_code(), 2);
