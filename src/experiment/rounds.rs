@@ -1,6 +1,6 @@
-//! Times the points of an experiment in interleaved rounds. Every round takes one sample of each point, in a
-//! seeded random order, so that drift of the machine does not look like a difference between points. The
-//! sampling of all points stops after the same round.
+//! Times the points of an experiment in interleaved rounds. Every round takes a sample of each point that has not
+//! failed, in a seeded random order, so that drift of the machine does not look like a difference between points. The
+//! sampling of all points that have not failed stops after the same round.
 
 use crate::error::Result;
 use crate::launch::FrameTimes;
@@ -49,10 +49,10 @@ type TimedSample = (f64, bool);
 /// `None` stands for a point that failed.
 type Samples = [Option<Vec<TimedSample>>];
 
-/// Returns a number that no other round of any launch has. The returned number determines the random order of
-/// the points in a round, so each launch has its own orders. The order of the points affects a point's time,
-/// for example through the frame that was cast before. Since each launch has its own orders, the effect of
-/// the order differs from launch to launch, and widens the points' 95% intervals.
+/// Returns a number that no other round of any launch has. The returned number determines the random order of the
+/// points in a round, so each launch has its own orders. The order of the points affects a point's time, for example
+/// through the frame that was cast before. Since each launch has its own orders, this effect differs from launch to
+/// launch, so the points' 95% intervals include the effect.
 fn in_launch(launch: u32, round: u32) -> u64 {
     u64::from(launch) << 32 | u64::from(round)
 }
@@ -252,8 +252,8 @@ mod tests {
     #[test]
     fn a_launch_in_which_no_sample_counts_is_no_longer_than_usual() -> Result<()> {
         assert_eq!(rounds_if_far(0..100)?, (7, End::Enough(StopReason::MaxSamples)));
-        // The first sample that counts comes in round 7, the last of the usual number of rounds. Round 7 and
-        // six more rounds give the seven samples of each point that the launch needs.
+        // The first samples that count come in the seventh round, the last of the usual number of rounds. The seventh
+        // round and six more rounds give the seven samples of each point that the launch needs.
         assert_eq!(rounds_if_far(0..6)?, (13, End::Enough(StopReason::MaxSamples)));
         Ok(())
     }

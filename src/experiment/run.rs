@@ -29,12 +29,14 @@ pub struct Run<'a> {
     /// If two folders of kernels are compared: the kernel files that are measured in the same rounds as those
     /// of `sources`.
     pub other_sources: Option<&'a Sources>,
-    /// The time limit for one step. A step opens a worker's device, builds a point's program and casts the point's
-    /// first image, or takes one sample. The step of a point's first sample includes the warm-up.
+    /// The time limit for one step of a worker. A step is one of the following: the worker opens its device; the worker
+    /// builds a point's program and casts the point's first image; or the worker takes one sample of a point or of the
+    /// anchor. The step of a point's first sample includes the warm-up.
     pub limit: Duration,
-    /// True if failed points of an earlier run are measured again.
+    /// True if the run also measures again the points that failed in an earlier session, and the points for which too
+    /// little memory was free.
     pub retry_failed: bool,
-    /// The locks of devices. While a group of points is timed, no other process measures on its device.
+    /// The locks of devices. While a group of points is timed, no other raycl process measures on the points' devices.
     pub locks: &'a Locks,
     /// True if the points are distributed over several devices of the same model. If false, each device
     /// measures all points.
@@ -47,19 +49,19 @@ pub struct Run<'a> {
     pub ahead: Option<&'a Ahead>,
     /// True if raycl's cache stores compiled programs. If false, each launch compiles its programs again.
     pub caches_programs: bool,
-    /// True if the run leaves out no samples. If false, groups that are measured on CPUs leave out samples whose
-    /// core-to-core latency was far from the run's usual latency. A latency far from the usual one probably means that
-    /// the host of a virtual machine has moved the machine's processors to other cores.
+    /// True if the run keeps samples whatever their core-to-core latency. If false, groups that are measured on CPUs
+    /// leave out samples whose core-to-core latency was far from the run's usual latency. A latency far from the usual
+    /// one probably means that the host of a virtual machine has moved the machine's processors to other cores.
     pub keeps_moved_samples: bool,
 }
 
-/// If the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, the run leaves out no samples. If
-/// `RAYCL_MOVED_SAMPLES` is blank or not set, groups that are measured on CPUs leave out some samples (see
+/// If the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, the run keeps samples whatever their core-to-core
+/// latency. If `RAYCL_MOVED_SAMPLES` is blank or not set, groups that are measured on CPUs leave out some samples (see
 /// [`Run::keeps_moved_samples`]). Other values are mistakes ([`check_moved_samples`]).
 pub const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
-/// Returns true if the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, so that all samples count,
-/// whatever their core-to-core latency.
+/// Returns true if the environment variable `RAYCL_MOVED_SAMPLES` is `keep`, so that samples are kept whatever their
+/// core-to-core latency.
 pub fn keeps_moved_samples() -> bool {
     says_keep(std::env::var_os(MOVED_SAMPLES).as_deref())
 }
@@ -90,7 +92,7 @@ impl Run<'_> {
         Plan::new(self.experiment, self.planned_devices())
     }
 
-    /// Makes the plan for one device (the list of the experiment's points), even if the run has several
+    /// Makes the plan (the list of the experiment's points) for the first device only, even if the run has several
     /// devices.
     pub fn plan_of_one_device(&self) -> Plan {
         Plan::new(self.experiment, self.devices.len().min(1))
@@ -152,7 +154,7 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the number of launches of each group of points.
+    /// Returns the number of launches that the experiment requests for each group of points.
     pub fn launches(&self) -> usize {
         self.experiment.timing.launches as usize
     }

@@ -1,5 +1,6 @@
-//! Runs an experiment on several devices of the same model. Each block of points is measured on the next free
-//! device. Each device has its own worker processes, which cast the points of the blocks.
+//! Runs an experiment on several devices of the same model. A block of points that no device has measured yet goes to
+//! the next free device, which measures all launches of this block. Each device has its own worker processes, which
+//! cast the points of the blocks.
 
 use super::Run;
 use super::group::OpenGroup;
@@ -18,7 +19,7 @@ use std::thread::Builder;
 
 /// Measures groups on all devices at the same time; `spawners[i]` starts the workers of device `i`. All launches of a
 /// group are measured on the same device. Groups of casters on the host are measured first, while no other group is
-/// measured. After an error, the run ends when the current groups have ended.
+/// measured. After an error on one device, the other devices finish their current groups before the run ends.
 pub fn measure_spread(
     run: &Run<'_>,
     groups: Vec<OpenGroup>,

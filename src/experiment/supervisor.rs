@@ -16,13 +16,13 @@ use std::time::Duration;
 /// crashed. One dead worker does not show that the point crashes workers, since the worker may have died from
 /// an outside cause.
 const ATTEMPTS: u32 = 2;
-/// After raycl has given up on `PATIENCE` points, no other point is tried twice.
+/// After raycl has recorded `PATIENCE` points as crashed, no other point is tried twice.
 const PATIENCE: usize = 3;
 /// The help for the user if a worker cannot open its device, or if its device broke down.
 const STILL_RESPONDS: &str =
     "`raycl devices` shows whether the device still responds; finished measurements are saved";
 
-/// The data about a point of the experiment from which requests to workers are made.
+/// The data about a point of the experiment that a supervisor needs for its requests to workers.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
     /// The point's index in the plan.
@@ -60,12 +60,12 @@ pub type Checked = (Box<Record>, bool);
 pub struct Supervisor<'a> {
     spawner: &'a mut dyn Spawner,
     interrupted: &'a AtomicBool,
-    /// The time limit for the first frame of a point, including the build of its program, and for each of its
-    /// samples.
+    /// The time limit for each of these steps: a worker opens its device; builds a point's program and casts the
+    /// point's first frame; takes a sample of a point or of the anchor.
     limit: Duration,
     /// The running workers, by the numbers of their jobs and scenes.
     posts: HashMap<(usize, usize), Post>,
-    /// Workers that were started early, and have not yet replied [`Reply::Started`].
+    /// Workers that were started early. The supervisor has not yet read their first reply, [`Reply::Started`].
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
     /// How often this session has visited the group of points that is being measured, including the present visit.
     /// A visit measures one launch of a group.
@@ -158,8 +158,8 @@ impl<'a> Supervisor<'a> {
 
     /// Checks a point: a worker casts the point's image once, and compares the image with the reference picture.
     /// Returns the point's record. If the worker died, a new worker may check the point again (see [`ATTEMPTS`] and
-    /// [`PATIENCE`]). Returns the point's failure as the inner error if the point is given up, because its workers died
-    /// or its worker hung, or if the device broke down.
+    /// [`PATIENCE`]). The inner error is the point's failure: its workers died, its worker hung, or the device broke
+    /// down.
     pub fn check(&mut self, task: Task<'_>) -> Result<std::result::Result<Checked, PointFailure>> {
         let verified = task.verified.map(str::to_owned);
         let request = Request::Check { point: task.point, key: task.key.to_owned(), verified };

@@ -24,10 +24,10 @@ impl Taken {
         utilization(self.times.processor_ms, self.times.host_ms)
     }
 
-    /// Returns the line of `samples.jsonl` that stores the sample. `record` is the record of the sample's
-    /// point so far, and `round` is the launch's round. `measured_by` is the UUID or the PCI address of the
-    /// point's device, if points are distributed over several devices of the same model and the UUID or the
-    /// address is known.
+    /// Returns the line of `samples.jsonl` that stores the sample. `record` is the record of the sample's point so far,
+    /// and `round` is the number of the sample's round in the launch. `measured_by` is the UUID or the PCI address of
+    /// the point's device, if points are distributed over several devices of the same model and the UUID or the address
+    /// is known.
     pub(super) fn to_sample(self, record: &Record, round: u32, measured_by: Option<&str>) -> Sample {
         let times = self.times;
         Sample {

@@ -18,8 +18,8 @@ const UNCERTAIN: [u8; 3] = [255, 128, 0];
 const COST_PIXELS: u64 = 4_000_000;
 
 /// Saves the pictures of an image: the image itself, its differences from the reference, the reference, the certain
-/// pixels and the costs of rays. Identical images share their files. Adds the names of the pictures to the image's
-/// record.
+/// pixels and the costs of rays. Identical images that one worker casts share their files. Adds the names of the
+/// pictures to the image's record.
 pub fn keep(
     pictures: &mut Pictures,
     record: &mut Record,
@@ -58,11 +58,12 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
     picture
 }
 
-/// Saves pictures of the cost of each pixel's rays. One picture shows against how many triangles a pixel's rays are
-/// tested: against all triangles, or against the triangles in the leaves that the rays reach. With a tree, a second
-/// picture shows the number of nodes that the rays visit. A rasteriser casts no primary rays, so no pictures of rays'
-/// costs are saved for a rasteriser. No pictures of costs are saved either if the image has more than [`COST_PIXELS`]
-/// pixels, or if the strategy needs a tree but the scene has no triangles.
+/// Saves pictures of the cost of each pixel's rays. One picture shows how many ray-triangle tests a pixel's rays take.
+/// Without a tree, a primary ray is tested against all triangles; with a tree, it is tested against the triangles in
+/// the leaves that it reaches. With a tree, a second picture shows the number of nodes that the rays visit. A
+/// rasteriser casts no primary rays, so no pictures of rays' costs are saved for a rasteriser. Pictures of costs are
+/// also left out if the image has more than [`COST_PIXELS`] pixels, or if the strategy needs a tree but the scene has
+/// no triangles.
 fn keep_costs(
     pictures: &Pictures,
     record: &mut Record,

@@ -22,7 +22,8 @@ pub trait Spawner {
 pub trait Worker {
     /// Sends a request. If the worker is dead, the next call of `wait` reports the death.
     fn send(&mut self, request: &Request);
-    /// Waits for the reply to the last request, or for a [`Reply::Begins`] before it, for at most `limit`.
+    /// Waits for the worker's next reply, for at most `limit`: for [`Reply::Started`], for the reply to the last
+    /// request, or for a [`Reply::Begins`] before the reply to the last request.
     fn wait(&mut self, limit: Duration) -> Wait;
     /// Tells the worker that no request will follow, so that it ends. The call does not wait for the end, so
     /// several workers can end at the same time.
@@ -32,7 +33,8 @@ pub trait Worker {
 /// The result of waiting for a worker's reply.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wait {
-    /// The worker's reply to the last request, or a [`Reply::Begins`] before it.
+    /// The worker's next reply: [`Reply::Started`], the reply to the last request, or a [`Reply::Begins`] before the
+    /// reply to the last request.
     Reply(Reply),
     /// No reply came within the limit.
     Silence,

@@ -1,5 +1,6 @@
-//! A worker: the process in which the points of one device run. If a driver aborts, crashes or hangs, this process
-//! ends, but the run continues. Requests arrive on standard input, replies go to standard output.
+//! A worker: a process that builds programs, checks points and times points, on one device or on the host. If a driver
+//! aborts, crashes or hangs, this process ends, but the run continues. Requests arrive on standard input, replies go to
+//! standard output.
 
 use super::asleep::Asleep;
 use super::check::Checker;
