@@ -102,7 +102,8 @@ impl About {
     }
 
     /// Adds the machine, the job and the restart, from the environment variables of the scheduler and from the
-    /// machine's own name. Where none of these is known, the machine is "machine", the job "0", and the restart 0.
+    /// machine's own name. If the machine's name is unknown, the machine is called "machine"; an unknown job is "0",
+    /// and an unknown restart is 0.
     fn started_by(self, variable: &dyn Fn(&str) -> Option<String>, machine: Option<String>) -> Self {
         let set = |name: &&str| variable(name).filter(|text| !text.is_empty());
         let first = |names: &[&str]| names.iter().find_map(set);
@@ -199,16 +200,16 @@ impl Attempt {
     }
 }
 
-/// Returns the variables that a repetition of the command needs, each as `NAME=VALUE`: raycl's own variable, if
-/// `keeps_moved_samples` is true, and those of drivers.
+/// Returns the variables that a repetition of the command needs, each as `NAME=VALUE`: `RAYCL_MOVED_SAMPLES`, if
+/// `keeps_moved_samples` is true, and the variables of drivers that the user had set.
 fn repeated_variables(keeps_moved_samples: bool) -> Vec<String> {
     let own = keeps_moved_samples.then(|| format!("{MOVED_SAMPLES}=keep"));
     own.into_iter().chain(variables::of_user().iter().cloned()).collect()
 }
 
-/// Returns the name of an attempt, such as "shard-00003.node7.4711.r00". Each character of the machine and of the job
-/// that is neither an ASCII letter nor a digit becomes `-`. Sorting the names sorts the shards by their numbers, up to
-/// shard 99999.
+/// Returns the name of an attempt, such as "shard-00003.node7.4711.r00". Each character of the machine's name and of
+/// the job's number that is neither an ASCII letter nor a digit becomes `-`. Sorting the names sorts the shards by
+/// their numbers, up to shard 99999.
 fn name(about: &About) -> String {
     let plain = |text: &str| {
         text.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect::<String>()

@@ -1,5 +1,6 @@
-//! The kinds of device that take part in an experiment, with the keys and names of their points. Each kind of
-//! device has a file, written by the first shard that measures on a device of this kind.
+//! The kinds of device that take part in an experiment, with the keys and names of their points. For each version of
+//! raycl, each kind of device has a file of its own. The first shard that measures with this version on a device of
+//! this kind writes the file.
 
 use crate::error::{Error, Result};
 use crate::existing;
@@ -76,8 +77,9 @@ impl Kind {
         let read: Result<Vec<_>> = files.iter().map(lines).collect();
         let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
         kinds.sort_by_key(|kind| kind.device != crate::record::HOST);
-        // The points of two kinds of device have the same keys if the kinds differ only in the build of raycl or in the
-        // device's name on its machine.
+        // The points of two kinds of device can have the same keys although the kinds have different files. For
+        // example, two versions of raycl may compute the same keys, or machines may give different names to equal
+        // devices.
         let mut seen = HashSet::new();
         kinds.retain(|kind| seen.insert(kind.keys()));
         Ok(kinds)
@@ -143,7 +145,7 @@ fn no_points(path: &Path) -> Error {
     let message =
         format!("{} has no complete line, but must list the points of a kind of device", path.display());
     Error::input(message).with_help(
-        "copy the file again from the machine that wrote it. If that machine no longer has the file, delete the file here: the next shard on a device of this kind then writes it again",
+        "copy the file again from the machine that wrote it. If that machine no longer has the file, delete the file here: the next shard with the same version of raycl on a device of this kind then writes it again",
     )
 }
 
