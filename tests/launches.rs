@@ -87,7 +87,9 @@ fn how_long_a_run_takes_is_estimated_from_earlier_times() {
     };
     let unknown = expected(&[], &[]).to_string();
     assert!(
-        unknown.starts_with("6 points in 3 launches: the duration is unknown; at least 15 frames of each"),
+        unknown.starts_with(
+            "6 points in 3 launches: the duration is unknown; each point needs at least 15 frames"
+        ),
         "{unknown}"
     );
     // The records of the mock (a run with simulated workers) have neither times nor sizes, so the test sets

@@ -129,12 +129,12 @@ impl Run<'_> {
     }
 
     /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of
-    /// comparable points. Unless the points are distributed over devices, every device measures a point, so
-    /// the point's expected time is the sum of its times on all devices. The time on a device comes from an
-    /// `earlier` record. If there is no earlier record, the time is estimated from the amount of computation.
-    /// A point that does not fit on its device takes no time. A point without a record whose preset is meant
-    /// for another kind of device is skipped, so it takes no time either. Each returned `Cost` contains the
-    /// index of its point in the plan for one device.
+    /// comparable points. Unless the points are distributed over devices, each point is measured on every
+    /// device, so the point's expected time is the sum of its times on all devices. The time on a device comes
+    /// from an `earlier` record. If there is no earlier record, the time is estimated from the amount of
+    /// computation. A point that does not fit on its device takes no time. If a point's preset is meant for
+    /// another kind of device, and the point has no earlier record, the point takes no time either, since the
+    /// run skips it. Each returned `Cost` contains the index of its point in the plan for one device.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let mut sums: HashMap<usize, Cost> = HashMap::new();
         for cost in self.costs_on_devices(earlier)? {
@@ -215,8 +215,8 @@ impl Run<'_> {
     }
 
     /// Returns the number of launches in which these points of a group still have to be measured. The number
-    /// of launches is at least 1, since a group without a record is checked once more, even if earlier
-    /// sessions have taken all its samples.
+    /// of launches is at least 1, since points without a record are checked once more, even if earlier
+    /// sessions have taken all their samples.
     fn launches_left<'r>(&self, points: impl Iterator<Item = &'r Record>, past: &Past) -> usize {
         let samples = |key: &str| past.samples.get(key).map(Vec::as_slice).unwrap_or_default();
         let points: Vec<(&str, &[Taken])> =
@@ -247,7 +247,7 @@ impl Run<'_> {
         replaced as f64 * self.launch_ms(points) + (launches + replaced) as f64 * continued_ms
     }
 
-    /// Returns the time, in milliseconds, for a launch of a group that is not the group's first launch.
+    /// Returns the time, in milliseconds, for a later launch of a group (any launch but the group's first).
     fn launch_ms(&self, points: &[Known]) -> f64 {
         if points.is_empty() { 0.0 } else { START_MS + self.started_launch_ms(points) }
     }
@@ -355,9 +355,9 @@ impl<'a> ByName<'a> {
 }
 
 /// Estimates the time of a point that was never measured, well enough to distinguish slow points from fast
-/// points. A ray is tested against every triangle, or against about thirty boxes and triangles on each level
-/// of a tree. The estimate assumes that a device does a fixed number of these tests against triangles or
-/// boxes per millisecond. The host is assumed to do a tenth of the device's number.
+/// points. The estimate assumes that a ray is tested against every triangle or, with a tree, against thirty
+/// boxes and triangles on each level. It also assumes that a device does a fixed number of these tests per
+/// millisecond. The host is assumed to do a tenth of the device's number.
 fn guessed(draft: &Record) -> Known {
     const TESTS_PER_MS: f64 = 1e6;
     let rays = draft.primary_rays() * (1.0 + draft.lights.unwrap_or(1) as f64);
@@ -374,8 +374,8 @@ fn strategy(record: &Record) -> String {
 
 impl fmt::Display for Expected {
     /// Formats the expected duration as "33 points in 3 launches: about 6m 10s, based on earlier times". Further lines
-    /// give the number of points that two folders of kernels have in common, and the number of records of earlier
-    /// plans, unless these numbers are 0.
+    /// give the number of points whose programs are the same in both folders of kernels, and the number of records of
+    /// earlier plans, unless these numbers are 0.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let launches = if self.launches == 1 {
             "1 launch (times in other launches may differ)".to_owned()
@@ -410,13 +410,13 @@ impl Expected {
         self.points > 0 && self.known == self.points
     }
 
-    /// Returns a text that says how long the run takes or, if no time is known, how many frames of each point the run
-    /// takes at least, and an upper limit of the frames' total time.
+    /// Returns a text that says how long the run takes. If no time is known, the text gives the least number of frames
+    /// that each point needs, and an upper limit of the total time of all frames.
     fn how_long(&self) -> String {
         let known = self.known;
         if known == 0 {
             let frames = counted(self.least_frames, "frame");
-            return format!("the duration is unknown; at least {frames} of each point{}", self.at_most());
+            return format!("the duration is unknown; each point needs at least {frames}{}", self.at_most());
         }
         let more = match self.additional {
             Duration::ZERO => String::new(),
