@@ -1,7 +1,7 @@
 //! Builds OpenCL programs in advance, before the points of an experiment that use these programs are checked. A
 //! *builder* is a group of child processes that compile programs, one program at a time. A thread of the run gives
-//! these processes their work. There are several builders, since a driver compiles only one program at a time in each
-//! process. Each program is built once, even if many points of the experiment use the program.
+//! these processes their work. A run usually has several builders, since a driver compiles only one program at a time
+//! in each process. A program that many points of the experiment use is requested only once.
 
 mod builder;
 mod room;
@@ -26,10 +26,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// If the scene is small, builders keep their processes while they have no program to build, since new processes would
-/// have to start their drivers again. A scene is small if `PLENTY` copies of the scene for each builder fit into the
-/// memory that all builders together may use. The memory that programs and drivers need is not counted, since this need
-/// is the same for every scene.
+/// A builder that has run out of work keeps its processes if the scenes of its last programs were small, since new
+/// processes would have to start their drivers again. A scene is small if the memory for builders has room for
+/// `PLENTY` times as many builders as the run has. Here, a builder's memory is only the memory for the copies of the
+/// scene that its processes hold. The memory that programs and drivers need is not counted, since this need is the same
+/// for every scene.
 const PLENTY: usize = 4;
 
 /// A program, identified by its job (the task of the workers of one device, with one folder of kernels) and
@@ -68,8 +69,8 @@ pub struct Order {
 
 /// A point of an experiment that may need a program.
 pub trait Needs {
-    /// Returns a request to build the point's program. Returns `None` if a caster on the host measures the
-    /// point (it uses no program), or if the point does not fit on the device.
+    /// Returns a request to build the point's program. Returns `None` if the point is cast on the host, without a
+    /// program, or if the point does not fit on the device.
     fn order(&self) -> Option<Order>;
     /// Receives the result of building the program; `None` if the program was not built, or if another point
     /// has received the result.
@@ -81,24 +82,25 @@ struct State {
     waiting: VecDeque<Order>,
     /// All programs that were requested so far.
     ordered: HashSet<Program>,
-    /// Programs for which measured points no longer have to wait, each with the result of the build. The
-    /// result of a build is `None` if the program was already stored or could not be built, or if its builder
-    /// died or hung. The result is also `None` after a point has taken it from this map. A point that waits
-    /// for its program takes the result from this map.
+    /// Programs for which no point has to wait any longer, each with the result of the build. The result of a
+    /// build is `None` if the program was already stored or could not be built, or if the process that built
+    /// the program died or hung. A point that waits for its program takes the result from this map, and leaves
+    /// `None` in the map.
     done: HashMap<Program, Option<Built>>,
     /// The devices for which builders may begin to build programs. Each device is named by its lock.
     free: BTreeSet<LockName>,
     closed: bool,
 }
 
-/// The numbers of programs built so far, and the time spent on building them.
+/// The numbers of programs that were compiled or taken from the cache so far, and the times for building programs and
+/// for waiting.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
     /// Number of programs that were compiled.
     pub compiled: usize,
     /// Number of programs that came from the cache.
     pub from_cache: usize,
-    /// Sum of the build times of all programs.
+    /// Sum of the build times of the programs that builders built.
     pub work_ms: f64,
     /// Time that the run spent waiting until programs were built.
     pub waited_ms: f64,
@@ -179,7 +181,7 @@ impl Ahead {
         })
     }
 
-    /// Returns the counts of the programs built so far.
+    /// Returns the numbers and times of the programs that were compiled or taken from the cache so far.
     pub fn tally(&self) -> Tally {
         *locked(&self.tally)
     }

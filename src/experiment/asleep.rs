@@ -1,6 +1,6 @@
 //! Provides tests with a device that casts nothing, and with workers that wait instead of casting frames.
-//! With workers that only wait, tests on one machine can imitate many machines and killed processes. The
-//! workers for tests open no device and take no device lock.
+//! With workers that only wait, tests on one machine can imitate measurements on many machines. The workers
+//! for tests open no device and take no device lock.
 
 use super::draft::{Drafter, HeldScene};
 use super::protocol::{Reply, Request};
@@ -64,8 +64,8 @@ pub fn frame_ms(devices: &[&DeviceInfo]) -> Option<f64> {
 }
 
 /// Answers a run's requests in a worker for tests, which has no device. If a request asks for a frame, the
-/// worker waits as long as a frame takes, and answers with the time that it waited. The worker answers all
-/// requests that ask for no frame without waiting.
+/// worker waits as long as a frame takes, and answers with the time that it waited. The worker answers every
+/// other request at once.
 pub struct Asleep<'a> {
     drafter: Drafter<'a>,
     plan: Plan,

@@ -7,8 +7,8 @@ use crate::record::LaunchEnd;
 use std::collections::BTreeSet;
 
 /// Returns the numbers of the complete launches in ascending order, each with the reason why the launch
-/// ended. `points` has the key and the samples of each point. `end_of` returns what was stored when a launch
-/// ended (its stored end): the number of samples of each point that did not fail in this launch. A launch is
+/// ended. `points` has the key and the samples of each point. `end_of` returns a launch's stored end: why the
+/// launch ended, and the number of samples of each point that did not fail in this launch. A launch is
 /// incomplete if a point has fewer than `rule.least()` samples in the launch, or if the launch's stored end
 /// gives no number of samples for a point. Any other launch is complete if each point has exactly the number of samples
 /// that the launch's stored end gives. If no end of a launch is stored (earlier versions of raycl stored none), or if
@@ -81,15 +81,15 @@ mod tests {
         assert_eq!(reason([20, 20]), None, "the launch was interrupted");
         // Together, the samples of both points take 60 ms, the time limit of two points.
         assert_eq!([reason([30, 30]), reason([5, 55])], [Some(StopReason::TimeLimit); 2]);
-        assert_eq!(reason([5, 40]), None, "only one point has the largest number of samples");
-        assert_eq!(reason([4, 60]), None, "a launch has at least five samples of each point");
+        assert_eq!(reason([5, 40]), None, "only one of the two points has `max_samples` samples");
+        assert_eq!(reason([4, 60]), None, "a complete launch has at least five samples of each point");
     }
 
     #[test]
     fn a_launch_with_all_samples_of_its_stored_end_is_complete() {
         let reason = |counts, end| reason_of(counts, Some(end));
         assert_eq!(reason([20, 21], [20, 21]), Some(StopReason::NoiseSettled));
-        assert_eq!(reason([4, 4], [4, 4]), None, "a launch has at least five samples of each point");
+        assert_eq!(reason([4, 4], [4, 4]), None, "a complete launch has at least five samples of each point");
         // According to the launch's stored end, the second point has 21 samples, but there are only 20. A
         // sample was lost, so the stopping rule decides whether the launch is complete.
         assert_eq!(reason([20, 20], [20, 21]), None);

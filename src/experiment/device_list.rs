@@ -51,7 +51,7 @@ fn ask(cl_dir: Option<&Path>) -> Result<std::result::Result<DeviceList, String>>
 }
 
 /// Returns the child process's answer. If the process sent no valid answer, the inner error states how the process
-/// ended.
+/// ended, or that the process did not answer within the time limit.
 fn ask_with(
     cl_dir: Option<&Path>,
     variables: &[(&str, OsString)],

@@ -54,7 +54,7 @@ impl Hashed {
 /// The scene that a process holds in memory while it handles one point of the experiment after another.
 #[derive(Default)]
 pub struct HeldScene {
-    /// The scene, and its number in the experiment; `None` before the first scene is loaded.
+    /// The scene, and its number in the experiment; `None` if no scene is held.
     held: Option<(usize, Hashed)>,
 }
 
@@ -87,8 +87,8 @@ impl HeldScene {
 }
 
 impl Drafter<'_> {
-    /// Returns the record of a point on `device`, before the point is tried. Points whose
-    /// records have equal keys ([`Record::key`]) measure the same work in the same way.
+    /// Returns the draft of a point on `device`: the point's record before the point is tried. If two points have
+    /// records with equal keys ([`Record::key`]), both points are the same work, measured in the same way.
     pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
         let Self { experiment, .. } = self;
         let chosen = &experiment.scenes[point.scene];

@@ -268,7 +268,7 @@ mod tests {
         assert_eq!(keys_after("global memory: 2 B > 1 B"), ["lacking"]);
     }
 
-    /// Returns enough lines of `rounds.jsonl` for a usual core-to-core latency of about `near_ns`.
+    /// Returns lines of `rounds.jsonl` by which the usual core-to-core latency is about `near_ns`.
     fn loads(near_ns: f64) -> Vec<RoundLoad> {
         let load = |n: u32| RoundLoad {
             core_to_core_ns: Some(near_ns + 0.1 * f64::from(n)),

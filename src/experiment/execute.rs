@@ -97,8 +97,8 @@ impl Run<'_> {
         self.experiment.scenes.iter().flat_map(named).collect()
     }
 
-    /// Returns true if programs of later groups are built while earlier groups are timed. Programs are built
-    /// while points are timed only if no timed point needs the CPU's cores.
+    /// Returns true if programs of later groups are built while earlier groups are timed. That is so if the run
+    /// measures neither kernels nor baselines on a CPU, since compiling then disturbs no sample.
     fn builds_while_timing(&self) -> bool {
         let on_cores = self.devices.iter().any(|device| device.kind == DeviceKind::Cpu);
         !on_cores && self.experiment.baselines.is_empty()
@@ -121,20 +121,20 @@ impl Run<'_> {
 
     /// Returns true if `record`, an earlier record of the point, makes another measurement of the point
     /// unnecessary. If the run retries failed points, it measures two kinds of points again: points that
-    /// failed, and points that did not fit only because too little memory was free. If an earlier session
+    /// failed, and points for which too little memory happened to be free. If an earlier session
     /// skipped a point because its preset is meant for another kind of device, a run without this restriction
-    /// measures the point. Every run measures a point again in two cases: the point exceeded a limit of the device in
-    /// an earlier session, but fits now; or another device than the point's own measured the point.
+    /// measures the point. If a point exceeded a limit of the device in an earlier session, but fits now,
+    /// every run measures the point again. If another device than the point's own measured the point, a run measures
+    /// the point again, unless the run distributes points over several devices.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         let counts = !asked_for && !pending.fits_meanwhile(record) && self.is_of_own_device(record, pending);
         counts && (!self.retry_failed || record.is_final())
     }
 
-    /// Returns true if the point's own device measured the record. If an earlier session distributed points
-    /// over several devices, only `measured_on` says which device measured the record. If this run
-    /// distributes points over several devices, the function returns true for a record that any device
-    /// measured.
+    /// Returns true if the times in the record come from the point's own device. If an earlier session
+    /// distributed points over several devices, only `measured_on` says which device measured the point. If this
+    /// run distributes points over several devices, the function returns true for every record.
     fn is_of_own_device(&self, record: &Record, pending: &PendingPoint) -> bool {
         let device = device_of(self, pending).filter(|_| !self.spread);
         let measured_on = record.measured_on.as_ref();
@@ -142,16 +142,17 @@ impl Run<'_> {
     }
 }
 
-/// Finds the points that have no record yet. Of several points of the plan with the same key, only one is
+/// Finds the points that still have to be measured. Of several points of the plan with the same key, only one is
 /// measured.
 struct Unrecorded {
-    /// The keys of the points that have a record, and of the points that [`Self::of`] has already returned.
+    /// The keys of the points that an earlier session has finished (see `Run::is_done`), and of the points that
+    /// [`Self::of`] has already returned.
     taken: HashSet<String>,
 }
 
 impl Unrecorded {
-    /// Returns the points of a group that have no record yet. If at least one point has no record yet, the
-    /// control point of the block is also returned, even if the control point has a record.
+    /// Returns the points of a group that still have to be measured. If the returned list is not empty, it also
+    /// contains the block's control point, even if the control point is finished.
     fn of(&mut self, group: Vec<PendingPoint>) -> Vec<PendingPoint> {
         let is_control =
             |pending: &PendingPoint| pending.record.control.as_ref() == Some(&pending.record.key);

@@ -13,13 +13,14 @@ const HANGS: &str = ".hangs";
 
 /// How and when a worker fails. For example, `segv@cast:3` makes a worker crash when it casts point 3, and
 /// `hang@check:0` makes a worker hang when it checks point 0. `abort@cast:1:once` makes only the first worker
-/// of each device abort. Points are counted from 0, in the order of the plan.
+/// of each job abort (a job is the task of the workers of one device, with one folder of kernels). Points are counted
+/// from 0, in the order of the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
     kind: Kind,
     step: Step,
     point: usize,
-    /// True if only the first worker of each device fails.
+    /// True if only the first worker of each job fails.
     pub once: bool,
 }
 

@@ -39,14 +39,14 @@ impl Deref for TestLocks {
     }
 }
 
-/// Returns locks of devices that no other test uses.
+/// Returns device locks that no other test uses.
 pub(super) fn own_locks() -> TestLocks {
     let folder = tempfile::tempdir().expect("a folder");
     TestLocks { locks: Locks::in_folder(folder.path(), false), _folder: folder }
 }
 
-/// Returns a run of an experiment with the built-in kernels and without a time limit. All samples of the run
-/// count, whatever their core-to-core latency.
+/// Returns a run of an experiment with the built-in kernels, in which workers may take any time to reply. All
+/// samples of the run count, whatever their core-to-core latency.
 pub(super) fn run<'a>(
     experiment: &'a Experiment,
     devices: &'a [&'a DeviceInfo],

@@ -22,7 +22,7 @@ pub struct Builder {
 
 /// How long a builder waits for a reply of one of its processes.
 pub struct Patience<'a> {
-    /// The longest time that a process may take for one reply.
+    /// The longest time that a process may take for one reply, without the time to load a scene.
     pub limit: Duration,
     /// Becomes true when the user ends the run.
     pub interrupted: &'a AtomicBool,

@@ -22,11 +22,11 @@ impl Room {
     /// scene, the image size and the local size.
     ///
     /// Each process of a builder holds the scene and the scene's tree, in the memory of the host and of one
-    /// device. A builder has a process for each device and each folder of kernels (`devices` and `folders`
-    /// are their numbers). All builders together may use half of the `available_bytes` of the host's memory,
-    /// and half of a device's memory. The other half of the host's and of the device's memory is left for the
-    /// workers that measure. It is also left for the processes with which a few builders compile programs
-    /// without the driver's cache.
+    /// device. A builder usually has `devices * folders` processes: for each device, one process per folder of
+    /// kernels. All builders together may use half of the `available_bytes` of the host's memory, and half of
+    /// each device's memory. The other half of the host's and of the devices' memory is left for two kinds of
+    /// processes: for the workers that measure, and for those processes of builders that compile without the
+    /// driver's cache.
     pub fn of(
         strategy: &Strategy,
         workload: &Workload,
