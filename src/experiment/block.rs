@@ -62,8 +62,8 @@ pub struct Cost {
 /// The expected time of a block in milliseconds, and the block.
 type Priced = (f64, Block);
 
-/// The factors that [`cut`] tries, largest first. A factor times the mean time per shard is a target: the expected time
-/// that no piece of a group should exceed by much. The first factor, infinity, cuts no group.
+/// The factors that [`cut`] tries, largest first. A factor times the mean time per shard is the target for the expected
+/// time of a piece of a group: no piece should take much longer. With the first factor, infinity, no group is cut.
 const GRAINS: [f64; 5] = [f64::INFINITY, 1.0, 0.5, 0.34, 0.25];
 /// If a group of points is cut into pieces, each piece measures one common point (the control point), so that
 /// the pieces can be compared. Smaller pieces mean that control points are measured more often. Groups are

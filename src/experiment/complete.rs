@@ -69,9 +69,9 @@ fn start_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
 }
 
 /// Computes the rates of a record: rays per second, and tests of rays against triangles per second. The rate of tests
-/// is computed only for strategies that test every primary ray against every triangle. If a strategy has no separate
-/// pass for primary rays, the rates of primary rays and of tests are computed from the time of the whole frame. If the
-/// time for a rate is unknown or 0, the rate is not set.
+/// is computed only for strategies and baselines that test every primary ray against every triangle. If primary rays
+/// have no pass of their own, the rates of primary rays and of tests are computed from the time of the whole frame. If
+/// the time for a rate is unknown or 0, the rate is not set.
 fn rates(record: &mut Record) {
     let rays = record.primary_rays();
     let Some(primary_ms) = record.primary_ms.or(record.median_ms).filter(|ms| *ms > 0.0) else { return };

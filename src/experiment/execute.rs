@@ -20,7 +20,7 @@ use std::collections::{HashMap, HashSet};
 use std::sync::atomic::AtomicBool;
 
 impl Run<'_> {
-    /// Measures every point of the experiment that has no result yet. Writes the records of all points to
+    /// Measures every point of the run that still has to be measured. Writes the records of all points to
     /// disk and returns them. After an error or an interruption, the records of all points that were finished
     /// before are on disk too.
     pub fn execute(
@@ -51,8 +51,8 @@ impl Run<'_> {
         })
     }
 
-    /// Calls `measure` with the groups of points that have no result yet, then summarises the results of all
-    /// points of the plan.
+    /// Calls `measure` with those points of each group that still have to be measured, then summarises the results
+    /// of all points of the plan.
     fn measure(
         &self,
         results: &mut Results,
