@@ -30,12 +30,12 @@ use std::time::Instant;
 use timed::{Latency, Timed};
 
 /// The message of a run before the first additional launch of a group of points.
-const ADDITIONAL: &str = "the core-to-core latency was unusual in some launches (the processors of a virtual machine may have moved), so additional launches replace these launches";
+const ADDITIONAL: &str = "the core-to-core latency was unusual in some launches (the processors of a virtual machine may have been moved to other cores), so additional launches replace these launches";
 
 /// A group of points that are compared with each other, and its progress.
 pub struct OpenGroup {
     points: Vec<PendingPoint>,
-    /// The group's complete launches, in which every point of the group was sampled.
+    /// The group's complete launches: in each of these launches, each point of the group has enough samples.
     whole: Vec<Launch>,
     /// How often this session has visited the group. A visit measures one launch of the group.
     visits: u32,
@@ -82,8 +82,8 @@ impl OpenGroup {
         self.home.is_none_or(|home| home == device)
     }
 
-    /// Binds the group to a device, since points that are compared must be measured on the same device. If groups are
-    /// distributed over devices, each device has one job, with the device's number.
+    /// Binds the group to a device, so that the same device measures all launches of the group. Is called only if
+    /// groups are distributed over devices. The number of a device's job is then the device's index.
     pub fn settle(&mut self, device: usize) {
         self.home = Some(device);
         self.points.iter_mut().for_each(|pending| pending.job = device);
@@ -110,8 +110,9 @@ impl OpenGroup {
     }
 
     /// Returns the core-to-core latency, in nanoseconds, of near processors (processors at their usual
-    /// distance). A sample is left out if its latency is much larger or smaller than the latency of
-    /// processors at their usual distance. If no samples are left out, returns infinity as the latency.
+    /// distance). A sample is left out if the latency around the sample is much larger or smaller than the
+    /// returned latency. Returns infinity if the group keeps all samples whatever their latency, or if the
+    /// usual latency is not known yet.
     fn near_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
         if leaves_out_moved(run, &self.points) { sink.near_ns() } else { f64::INFINITY }
     }
@@ -119,8 +120,8 @@ impl OpenGroup {
     /// Measures one launch of the group: checks the points, and times those that pass. Before this launch, the first
     /// visit takes over the complete launches of earlier sessions. If the group then has enough launches, its points
     /// are checked, but not timed. If it has enough launches at the end of the visit, the records of its points are
-    /// stored. If a worker process is lost, new worker processes repeat the whole launch. While points are timed, no
-    /// other raycl process measures on the points' devices.
+    /// stored. If a worker process is lost while points are timed, new worker processes repeat the whole launch. While
+    /// points are timed, no other raycl process measures on the points' devices.
     pub fn visit(
         &mut self,
         run: &Run<'_>,
@@ -198,9 +199,10 @@ impl OpenGroup {
         sink.advances(counted * self.points.len());
     }
 
-    /// Checks every point, and stores the records of points that fail. In the session's first launch of the
-    /// group, a point is checked as soon as its program is built. Meanwhile, builders (processes that compile
-    /// programs) build the programs of later points.
+    /// Checks one point after another, and stores the records of points that fail. In the session's first
+    /// launch of the group, each check waits until builders (processes that compile programs) have built the
+    /// point's program. During the check, builders build the programs of later points. In a run without
+    /// builders, the check itself builds the program.
     fn check(
         &mut self,
         run: &Run<'_>,
@@ -249,7 +251,7 @@ impl OpenGroup {
     }
 
     /// Times the group's points in the rounds of one launch. Points that fail leave the group. If a worker process is
-    /// lost, the samples of the other points are not used.
+    /// lost, no sample of this launch is used.
     fn time(
         &mut self,
         run: &Run<'_>,
@@ -300,7 +302,8 @@ impl OpenGroup {
         Ok(end)
     }
 
-    /// Adds a launch that has just ended to the complete launches, and stores its end.
+    /// Adds a launch that has just ended to the complete launches. Stores why the launch ended, and the number of
+    /// samples of each point.
     fn add_complete(
         &mut self,
         launch: u32,
@@ -316,8 +319,8 @@ impl OpenGroup {
         Ok(())
     }
 
-    /// Completes the records of the group's points, and stores them. All points of a group stop together, so all their
-    /// records get the same reason for stopping.
+    /// Completes the records of the group's points, and stores them. In a launch, the sampling of all points of a group
+    /// stops after the same round, so all records get the same reason for stopping.
     fn finish(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
         let (launches, near_ns) = (std::mem::take(&mut self.whole), self.near_ns(run, sink));
@@ -337,10 +340,10 @@ impl OpenGroup {
     }
 }
 
-/// Returns the device that measured the launches whose samples name no device. If samples name no device,
-/// their session did not distribute points over devices. The first device, which all records name, has then
-/// measured the session's launches. Returns `None` if the current session does not distribute points over
-/// devices.
+/// Returns the device that measured the launches whose samples name no device. If samples name no device, the
+/// earlier session that took the samples did not distribute points over devices. In the current session, the
+/// records of all points on devices name the first device, so earlier samples of these points come from the
+/// first device. Returns `None` if the current session does not distribute points over devices.
 fn unnamed_device(run: &Run<'_>) -> Option<MeasuredOn> {
     run.named_device().map(|device| MeasuredOn { slug: device.slug(), hardware: None })
 }
@@ -354,7 +357,7 @@ pub(super) fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a
 /// Returns true if a group leaves out samples whose core-to-core latency was far from the run's usual latency. A
 /// latency far from the usual one probably means that the host has moved a virtual machine's processors to other cores.
 /// Samples are left out only if this machine's processors cast every point of the group (by a caster on the host, or by
-/// an OpenCL driver for CPUs). If `keeps_moved_samples` is set, the run keeps all samples.
+/// an OpenCL driver for CPUs). If `keeps_moved_samples` is set, the run leaves out no samples because of their latency.
 pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     let is_on_processors =
         |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);
@@ -373,9 +376,10 @@ fn use_check(pending: &mut PendingPoint, record: Record, check_ms: f64) {
     }
 }
 
-/// Copies values that workers do not know from a point's draft (its record before the point was tried) to the
-/// record that the point's check returned. The values copied from the draft are the names, the notes, the
-/// folder of kernels, and the block (the points that one machine measures together).
+/// Adds values that workers do not know to the record that a point's check returned. The values come from the
+/// point's draft (its record before the point was tried): the names of the point and of its preset, the notes
+/// on the scene, the folder of kernels, the block (the points that one machine or device measures together),
+/// and the block's control point.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

@@ -21,9 +21,9 @@ pub(super) fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName
 
 /// Takes the locks `devices`. While another process holds one of the locks, this function tells the sink (the receiver
 /// of results and messages) that the run waits. At the first wait for this other process, the sink receives a line to
-/// print; at later waits for the same process, it receives the wait as the run's current work. While the run waits for
-/// a lock, builders (processes that compile programs) begin no program for the devices with these locks, because
-/// compiling would disturb the other processes' measurements.
+/// print. At later waits for the same process, the sink receives the line only as a description of the run's current
+/// work. While another process holds one of the locks, builders (processes that compile programs) begin no program for
+/// the devices with the locks `devices`, because compiling would disturb the other process's measurement.
 pub(super) fn take_locks(
     run: &Run<'_>,
     devices: Vec<LockName>,

@@ -77,8 +77,8 @@ impl Latency {
 
     /// Of two readings of the core-to-core latency, before and after a sample that has just ended, returns
     /// the reading that decides whether the sample counts, in nanoseconds (see [`decisive_ns`]). If the last
-    /// reading is more recent than [`READING_EVERY`], no new reading is taken, and the last reading is
-    /// returned. Returns `None` if no reading is known.
+    /// reading was taken less than [`READING_EVERY`] ago, takes no new reading, and returns the last reading.
+    /// Returns `None` if no reading is known.
     fn around_sample(&mut self, near_ns: f64) -> Option<f64> {
         let (at, before) = self.last?;
         if at.elapsed() < READING_EVERY {
@@ -91,12 +91,14 @@ impl Latency {
 }
 
 /// The message of a run that waits until the processors of a virtual machine run on cores at their usual
-/// distance from each other. raycl does not know whether this machine is virtual.
+/// distance from each other. raycl does not know whether this machine is virtual, so the message mentions no
+/// virtual machine.
 const WAITING: &str = "waiting until the core-to-core latency is as usual";
 
 /// A device's anchor (a fixed kernel) is run at least once for every `CASTS_PER_ANCHOR` samples of measured
-/// points. `CASTS_PER_ANCHOR` is small enough that the time of the anchor kernel is known more precisely than
-/// a point's time. It is large enough that the anchor kernel takes little time compared with the samples.
+/// points. `CASTS_PER_ANCHOR` is small enough that the anchor kernel is run about as often as each point is
+/// sampled, or more often. It is large enough that the anchor kernel takes little time compared with the
+/// samples.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {
@@ -115,9 +117,9 @@ impl<K: ResultSink> Timed<'_, '_, K> {
     /// Runs the anchor (a fixed kernel) of a point's device if the anchor is due. The anchor is first run
     /// after the device's first sample, and then once for every [`CASTS_PER_ANCHOR`] samples. If a round has
     /// fewer than [`CASTS_PER_ANCHOR`] samples on the device, the device's anchor kernel is run once in every
-    /// round. A launch has at least five rounds, so the anchor is run at least five times, as often as an
-    /// interval needs. Does not run the anchor in a run with a single launch, which is too short to need the
-    /// anchor. If the anchor fails, the user is told why, and new workers repeat the launch.
+    /// round. If a launch has five rounds or more, as is usual, the anchor is thus run at least five times,
+    /// which is enough for a 95% interval of the anchor's time. In a run with a single launch, the anchor is
+    /// not run. If the anchor fails, the user is told why, and new workers repeat the launch.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.launches() > 1) else {
@@ -132,9 +134,9 @@ impl<K: ResultSink> Timed<'_, '_, K> {
             return Ok(());
         }
         self.casts.insert(pending.job, 0);
-        // If points are distributed over devices of the same model, these devices do equal work. The anchors
-        // (fixed kernels) of all devices of the model therefore have the same name: that of the first
-        // device's anchor. Likewise, the points on these devices have equal keys. If the anchors had
+        // If points are distributed over devices of the same model, the anchors (fixed kernels) of these
+        // devices do the same work. All these anchors therefore have the same name: that of the first
+        // device's anchor. Likewise, a point has the same key on each of these devices. If the anchors had
         // different names, their times could not be used to compare blocks (parts of a group of points) that
         // different devices measured.
         let anchor = anchor::name(self.run.named_device().unwrap_or(device))?;
