@@ -14,9 +14,9 @@ use std::time::Instant;
 pub struct Identity {
     /// The word `host` and the model of the processor, with a separator.
     pub device: String,
-    /// The number of cores that raycl may use, and the number of raycl's threads.
+    /// The number of cores that raycl may use, and the number of threads of the parallel caster.
     pub state: String,
-    /// The hash of the baselines' source, and the compiler's options.
+    /// The hash of the baselines' source, and the Rust compiler with its options.
     pub program: String,
 }
 

@@ -1,5 +1,5 @@
-//! The key of a measurement: a hash of everything that can change the measured time or the picture, and of
-//! nothing else.
+//! The key of a measurement: a hash of what is measured, and how (scene, device, strategy, sizes, program,
+//! timing settings and more).
 
 /// The texts that make up a key; [`key`] hashes them in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub struct KeyParts<'a> {
     /// Image size, such as "800x500".
     pub image_size: &'a str,
     /// The hash of the program's source, defines and build options. For a baseline: the hash of the
-    /// baseline's source, and the options with which raycl was compiled.
+    /// baselines' source, and the compiler and options with which raycl was compiled.
     pub program_hash: &'a str,
     /// The settings of [`Timing`](crate::config::Timing), in the form in which raycl displays them.
     pub timing: &'a str,

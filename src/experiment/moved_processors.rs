@@ -1,19 +1,18 @@
 //! Finds samples during which the processors of a virtual machine probably ran on cores that were not at their usual
 //! distance.
 //!
-//! A host moves the processors of a virtual machine from one core to another, often for some seconds. While a
-//! virtual machine's processors run on cores far from each other, kernels whose work-groups share data take
-//! up to 1.5 times as long as usual. While two processors of a virtual machine share a core, all kernels take
-//! about 1.4 times as long as usual. The core-to-core latency around a sample is the time in which a cache
-//! line moves from one processor to another. The core-to-core latency is larger than usual if the cores are
-//! far from each other, and smaller if processors share a core. The core-to-core latency is measured between
-//! samples, so it does not depend on the times of the points. *Near* processors run on cores at their usual
-//! distance. A sample does not count if the core-to-core latency around the sample is much larger or smaller
-//! than the latency of near processors in the same run. Before a sample, a launch waits until the processors
-//! run on cores at their usual distance, but only for a limited time. All samples count until a run has read
-//! the latency often enough to know its usual value. A launch does not count if too few of its samples count;
-//! an additional launch replaces a launch that does not count. A group has at most twice as many launches as
-//! requested.
+//! A host moves the processors of a virtual machine from one core to another, often for some seconds. While a virtual
+//! machine's processors run on cores far from each other, kernels whose work-groups share data take up to 1.5 times as
+//! long as usual. While two processors of a virtual machine share a core, kernels take about 1.4 times as long as usual
+//! (a median; some kernels even become faster). The core-to-core latency around a sample is the time in which a cache
+//! line moves from one processor to another. The core-to-core latency is larger than usual if the cores are far from
+//! each other, and smaller if processors share a core. The core-to-core latency is measured between samples, so it does
+//! not depend on the times of the points. *Near* processors run on cores at their usual distance. A sample does not
+//! count if the core-to-core latency around the sample is much larger or smaller than the latency of near processors in
+//! the same run. Before a sample, a launch waits until the processors run on cores at their usual distance, but only
+//! for a limited time. All samples count until a run has read the latency often enough to know its usual value. A
+//! launch does not count if too few of its samples count; an additional launch replaces a launch that does not count. A
+//! group has at most twice as many launches as requested.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
@@ -30,11 +29,11 @@ const FAR: f64 = 2.0;
 /// If the core-to-core latency around a sample is less than `SHARED` times the usual latency, raycl assumes that two
 /// processors shared a core. Processors that share a core have 0.45 to 0.5 times the usual latency (docs/log.md,
 /// section "2026-11-26, morning: two processors on one core, ..."). The limit is below 1 / 1.7, since readings between
-/// the same two cores differ by this factor.
+/// the same two cores differ by a factor of up to 1.7.
 const SHARED: f64 = 0.55;
 /// The pause between two readings of the latency while a launch waits until its processors are at their usual
 /// distance. The processors are idle during the pause, since a host moves idle processors back sooner than
-/// busy processors: after about one second instead of three to ten seconds (docs/log.md, section "2026-11-26,
+/// busy processors: after at most two seconds instead of two to ten seconds (docs/log.md, section "2026-11-26,
 /// afternoon: a launch waits for near processors, ...").
 const PAUSE: Duration = Duration::from_millis(50);
 /// All waits of a launch for processors at their usual distance together take at most the fraction `WAITS` of
@@ -65,7 +64,7 @@ impl Launch {
         Self { number, latencies_ns: points.map(of_launch).collect() }
     }
 
-    /// Returns true if the launch's times are used: for each point, at least five samples must count (see
+    /// Returns true if enough samples of the launch count: for each point, at least five samples (see
     /// [`is_near`]). If a point has fewer than five samples in the launch, all its samples must count.
     fn counts(&self, near_ns: f64) -> bool {
         self.latencies_ns.iter().all(|point| {
@@ -105,10 +104,10 @@ impl Latencies {
     }
 
     /// Returns the latency of near processors in nanoseconds: the 20th percentile of all readings. Returns infinity if
-    /// there are fewer than `LEAST_READINGS` readings. The function does not return the smallest reading. If two
-    /// processors of the virtual machine shared a core during the smallest reading, processors at their usual distance
-    /// would count as far apart. The function does not return the median: in some runs, the processors run on cores far
-    /// from each other for most of the time.
+    /// there are fewer than `LEAST_READINGS` readings. The smallest reading would be a worse result: if two processors
+    /// of the virtual machine had shared a core during this reading, processors at their usual distance would count as
+    /// far apart. The median would also be a worse result: in some runs, the processors run on cores far from each
+    /// other for most of the time.
     pub fn near_ns(&self) -> f64 {
         match self.ascending_ns.len() {
             0..LEAST_READINGS => f64::INFINITY,
@@ -117,7 +116,7 @@ impl Latencies {
     }
 }
 
-/// Returns true if a sample's time is used: the core-to-core latency around the sample is unknown, or lies
+/// Returns true if a sample counts: the core-to-core latency around the sample is unknown, or lies
 /// between `SHARED` and `FAR` times the usual latency `near_ns`. If `near_ns` is infinite, every sample
 /// counts: either the usual latency of the run is not known yet, or the sample's group keeps all samples.
 pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
@@ -245,7 +244,8 @@ mod tests {
             [latencies(0), latencies(9), latencies(10)].map(|all| all.near_ns()),
             [f64::INFINITY, f64::INFINITY, 62.0]
         );
-        // The only line of `rounds.jsonl` had the latency 119.52 ns, and the samples of a point had the others.
+        // The readings of a short run: the first is from the only line of `rounds.jsonl`, the others are from
+        // the samples of a point.
         let read = [119.52, 102.0, 74.07, 98.0, 92.0, 95.0, 95.0, 104.0];
         let near_ns = Latencies::of(read.map(Some)).near_ns();
         assert!(read.into_iter().all(|ns| is_near(Some(ns), near_ns)));
@@ -358,9 +358,8 @@ mod tests {
     #[test]
     fn launches_of_unknown_or_equal_latency_all_count() {
         assert!(are_enough(&launches(&[0.0, 0.0]), 2, 20.0));
-        // The times of both launches are used if the usual core-to-core latency is 180 ns. The times of both
-        // launches are left out if the usual latency is 20 ns, because another group of the run had samples
-        // with 20 ns.
+        // Both launches count if the usual core-to-core latency is 180 ns. Neither launch counts if the usual
+        // latency is 20 ns, for example because another group of the run had samples with 20 ns.
         let far = launches(&[180.0, 190.0]);
         assert!(are_enough(&far, 2, 180.0) && !are_enough(&far, 2, 20.0));
     }

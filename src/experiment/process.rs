@@ -18,7 +18,7 @@ use std::time::Duration;
 
 /// The number of bytes that are stored from the end of a worker's standard error.
 const LAST_WORDS_BYTES: usize = 2000;
-/// The longest time that a worker may take to end when the run no longer needs the worker.
+/// The longest time that a worker may take to end by itself. After this time, raycl kills the worker.
 const FAREWELL: Duration = Duration::from_secs(1);
 /// What happened to a worker that the system cannot end.
 const NOT_ENDED: &str = "did not end, although raycl killed it";
@@ -58,8 +58,8 @@ impl Processes {
         // The end of a worker's standard error goes into records, where a backtrace would be too
         // long.
         command.env("RUST_BACKTRACE", "0");
-        // A compiler prints numbers of registers only when it compiles, so workers use the driver's cache
-        // only if `driver_cache` is set. If the user has set the environment variable that disables the
+        // A compiler prints numbers of registers only when it compiles, so raycl disables the driver's cache
+        // unless `driver_cache` is set. If the user has set the environment variable that disables the
         // driver's cache, raycl leaves the variable unchanged: the value may be 0, which enables the cache.
         if !self.driver_cache && disabled.is_none() {
             command.env(CACHE_DISABLE, "1");

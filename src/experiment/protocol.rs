@@ -200,7 +200,7 @@ pub enum Phase {
     /// hang.
     Cast,
     /// The worker loads a scene, or compares a picture with the reference and saves pictures. The run does not
-    /// limit the time of this phase: it uses no driver, and large scenes and pictures need long.
+    /// limit the time of this phase, since the phase uses no driver, and large scenes and pictures take long.
     Host,
 }
 
