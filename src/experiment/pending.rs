@@ -82,10 +82,10 @@ impl PendingPoint {
         self.fits && earlier.is_of_the_session()
     }
 
-    /// Returns the final record of this point, which cannot be cast now; `record` is the record of its check.
-    /// A point that has been cast before fits on the device, and lacks only memory that other programs or other points
-    /// use at the moment. A point that has been cast before therefore gets the outcome `LaunchFailed`. If its outcome
-    /// were `Infeasible`, nobody would notice that the point has lost its earlier launches.
+    /// Returns the final record of this point, which cannot be cast now; `record` is the point's record, and states the
+    /// reason. A point that has been cast before fits on the device. If such a point is now `Infeasible`, the point
+    /// lacks only memory that other programs or other points use at the moment, and gets the outcome `LaunchFailed`
+    /// instead. With the outcome `Infeasible`, nobody would notice that the point has lost its earlier launches.
     pub fn refused(&self, record: Record) -> Record {
         let was_cast = self.verified.is_some() || !self.taken.is_empty();
         match record.outcome {
@@ -109,7 +109,7 @@ impl Needs for PendingPoint {
 }
 
 impl Run<'_> {
-    /// Returns every point on every device or the host. Each point is returned with its index in the plan for
+    /// Returns all points of all devices and of the host. Each point is returned with its index in the plan for
     /// one device, its device (`None` is the host), and the key and names of its record.
     pub fn planned_points(&self) -> Result<Vec<(usize, Option<usize>, PlannedPoint)>> {
         let plan = self.plan();
@@ -161,7 +161,7 @@ impl Run<'_> {
         Room::of(strategy, &workload, &device.limits, available_bytes, processes)
     }
 
-    /// Returns true if the point is measured on every kind of device (CPUs, GPUs and others).
+    /// Returns true if the point is measured on the host, or on every kind of device (CPUs, GPUs and others).
     pub(super) fn is_for_every_kind(&self, point: &Point) -> bool {
         match point.work {
             Work::Kernel { strategy, local_size } => {
@@ -309,7 +309,7 @@ fn labels(sources: [&Sources; 2]) -> [String; 2] {
 }
 
 /// If two folders of kernels are compared, labels a point with the folder that the point uses. If folders are
-/// compared, a point's record names no preset (no strategy with a name of its own), since a preset's name
+/// compared, a point's record names no preset (a strategy to which raycl gives a name), since a preset's name
 /// implies the built-in kernels.
 fn of_kernels(record: &mut Record, label: &str) {
     record.name = format!("{} ({label})", record.name);

@@ -29,9 +29,9 @@ impl Pictures {
     }
 
     /// Saves a picture in the folder of results, under the first free name of `names`. A name is free if no
-    /// other picture has it. If no name is free, the picture's hash is added to the last name. If an equal
-    /// picture was saved before, no new file is written. Returns the file's path, relative to the folder of
-    /// results.
+    /// other picture has it. If no name is free, the picture's hash is added to the last name. If this
+    /// `Pictures` has already saved an equal picture, writes no file. Returns the file's path, relative to the
+    /// folder of results.
     pub fn picture(&mut self, names: &[&str], image: &Radiance, display: Display) -> Result<String> {
         let hash = hash(image);
         if let Some(path) = self.saved.get(&hash) {
@@ -66,7 +66,7 @@ impl Pictures {
         names.iter().map(|name| path_of(name)).find(free).unwrap_or_else(|| path_of(&by_hash))
     }
 
-    /// Saves the picture that `make` returns under `name`, unless a picture with this name exists already.
+    /// Saves a picture under `name`, unless a picture with this name exists already; `make` draws the picture.
     /// Returns the path of the picture's file.
     pub fn picture_once(&self, name: &str, make: impl FnOnce() -> RgbImage) -> Result<String> {
         let path = path_of(name);

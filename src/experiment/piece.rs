@@ -1,6 +1,6 @@
 //! The parts into which a plan (the list of an experiment's points) is divided. The points of a part are
 //! measured together. A part of the plan is a whole group of points, the points of a group on one device, or
-//! a block (points that one shard measures together).
+//! a block (points that one machine or device measures together).
 
 use super::{Block, Plan, Point};
 use std::collections::HashMap;
@@ -10,8 +10,8 @@ use std::collections::HashMap;
 pub struct Piece {
     /// The indices of the points in the plan.
     pub points: Vec<usize>,
-    /// The number of the block, if this piece of the plan is a block (points that one shard measures
-    /// together).
+    /// The number of the block, if this piece of the plan is a block (points that one machine or device
+    /// measures together).
     pub block: Option<u32>,
     /// The index of the control point, which all blocks (parts) of a group of points measure for comparison;
     /// `None` if the group is not cut into blocks. `points` need not contain the control point.
@@ -67,8 +67,8 @@ impl Plan {
         blocks.iter().flat_map(|block| devices.iter().filter_map(move |device| on(block, *device))).collect()
     }
 
-    /// Maps the points of the plan for one device to their indices in this plan. A key is a point's index in the
-    /// plan for one device, and the device that measures the point.
+    /// Maps the points of the plan for one device to their indices in this plan. A key of the map consists of a
+    /// point's index in the plan for one device, and the device that measures the point.
     pub(super) fn indices_on_devices(&self) -> HashMap<(usize, Option<usize>), usize> {
         let on_first = |point: &Point| Point { device: point.device.map(|_| 0), ..*point };
         let first: HashMap<Point, usize> = self

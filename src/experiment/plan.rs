@@ -105,8 +105,8 @@ fn cases(experiment: &Experiment) -> Vec<(usize, [u32; 2])> {
     cases
 }
 
-/// Returns every strategy at each of its local sizes. If a strategy has several names, the first name is
-/// used.
+/// Returns every strategy at each of its local sizes. If a strategy has several names with the same local size,
+/// the first of these names is used for this local size.
 fn kernels(experiment: &Experiment) -> Vec<Work> {
     let mut seen = HashSet::new();
     let mut works = Vec::new();
@@ -229,7 +229,8 @@ mod tests {
         assert_eq!(Plan::new(&experiment, 1).points.len(), 4);
     }
 
-    /// The last strategy has a local size that the first lacks, so it is measured as the third.
+    /// Four strategies are equal: naive, twin, more and last. Of the first three, only more has the local size of
+    /// last, so last is measured under the name more.
     #[test]
     fn a_note_says_under_which_name_an_equal_strategy_is_measured() {
         let mut experiment = experiment(1, 1, 2, 3, 0);
