@@ -61,13 +61,19 @@ fn command_of(path: &Path) -> Option<String> {
     })
 }
 
+/// Returns the error without guesses that name hidden commands. A word with a slash or a dot is a path rather than a
+/// misspelt command, so no command is suggested for it.
 fn without_hidden_commands(mut error: clap::Error) -> clap::Error {
+    let is_path = match error.get(ContextKind::InvalidSubcommand) {
+        Some(ContextValue::String(word)) => word.contains(['/', '.']),
+        _ => false,
+    };
     let Some(ContextValue::Strings(guessed)) = error.remove(ContextKind::SuggestedSubcommand) else {
         return error;
     };
     let cli = Cli::command();
     let is_hidden = |name: &String| cli.find_subcommand(name).is_some_and(clap::Command::is_hide_set);
-    let shown: Vec<String> = guessed.into_iter().filter(|name| !is_hidden(name)).collect();
+    let shown: Vec<String> = guessed.into_iter().filter(|name| !is_path && !is_hidden(name)).collect();
     if !shown.is_empty() {
         error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(shown));
     }
@@ -116,8 +122,10 @@ mod tests {
             assert!(said.contains("unrecognized subcommand") && !said.contains("did you mean"), "{said}");
         }
         let missing = folder.path().join("b.obj");
-        let said = message(&[missing.to_str().unwrap()]);
-        assert!(said.contains("unrecognized subcommand") && !said.contains("tip:"), "{said}");
+        for missing in [missing.to_str().unwrap(), "/tmp/man", "man.obj"] {
+            let said = message(&[missing]);
+            assert!(said.contains("unrecognized subcommand") && !said.contains("tip:"), "{said}");
+        }
     }
 
     #[test]

@@ -121,7 +121,7 @@ fn the_mean_of_a_strategy_is_tested_relative_to_baselines_or_to_other_strategies
     let note = in_common.left_out_of_means().unwrap();
     let why =
         "(without 6 of 6 points). These points are left out because they are compared only with each other";
-    assert!(note.contains(&format!("their points: all points together {why}")), "{note}");
+    assert!(note.contains(&format!("without some points: all points together {why}")), "{note}");
     // Without any reference, the reason is another.
     let two = folder("two", vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0)]);
     let note = of(&two, &two).left_out_of_means().unwrap();
