@@ -1,6 +1,6 @@
-//! Reads the number that a launcher (a scheduler, or a program such as `mpirun` that starts processes) assigned to this
-//! process. Every launcher that starts several processes sets environment variables, but the variables' names differ,
-//! and numbers start at 0 or at 1. This file has the table of the launchers' variables.
+//! Reads the number that a launcher (a scheduler, or a program such as `mpirun` that starts processes) assigned to
+//! this process. Each launcher in this file sets environment variables with names of its own. The lowest number
+//! differs, too: 0, 1 or, in a Slurm array, any number.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -30,14 +30,14 @@ struct Ranks {
     rank: &'static str,
     count: Option<&'static str>,
     origin: u32,
-    /// A variable without which the launcher's other variables are ignored.
+    /// If the variable `only_with` is not set, raycl ignores the launcher's other variables.
     only_with: Option<&'static str>,
 }
 
 /// Launchers that number the processes of one job, the innermost first: each launcher comes before the launchers that
-/// may have started it. MPI, for example, may run in a step of Slurm. A batch script of Slurm has the variable
-/// `SLURM_PROCID`, too, but in a batch script, its value is not the number of a task. raycl therefore reads this
-/// variable only if `SLURM_STEP_ID` is set, since only a step of Slurm sets `SLURM_STEP_ID`.
+/// may have started it. MPI, for example, may run in a step of Slurm. Slurm sets `SLURM_PROCID` in the tasks of a
+/// step, and also in a batch script. In a batch script, the value of `SLURM_PROCID` is not the number of a task.
+/// raycl therefore reads `SLURM_PROCID` only if `SLURM_STEP_ID` is set, which Slurm sets only in steps.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",
@@ -62,9 +62,9 @@ const INNER: [Ranks; 3] = [
     },
 ];
 
-/// Launchers that give a number to each job as a whole, and not to each process of a job. Slurm's arrays,
-/// which [`array()`] reads, are not in this table. The user chooses the numbers of a HyperQueue array; raycl
-/// needs numbers that begin at 1.
+/// Launchers that give one number to a whole GitLab job, Kubernetes pod or HyperQueue task, and not to each process
+/// in it. Slurm's arrays, which [`array()`] reads, are not in this table. The user chooses the numbers of a
+/// HyperQueue array; raycl needs numbers that begin at 1.
 const OUTER: [Ranks; 3] = [
     Ranks {
         launcher: "GitLab (CI_NODE_INDEX)",
@@ -91,21 +91,21 @@ const OUTER: [Ranks; 3] = [
 
 /// Returns the shard that a launcher assigned to this process. If several launchers set numbers, the numbers of one
 /// launcher decide which shard is returned. The order of precedence is: the innermost launcher that started several
-/// processes, a Slurm array, a launcher of whole jobs (`OUTER`), a launcher that started a single process. The number
-/// of shards is `of` or, if `of` is `None`, the launcher's count. Returns an error if no launcher sets a number, if a
-/// variable has a value that is not allowed, or if the number of shards is unknown. It is an error, too, if the number
-/// of shards contradicts the launcher's numbers, or if both a Slurm array of several elements and an inner launcher of
-/// several processes set numbers. A batch script of several tasks that starts raycl without `srun` is also an error,
-/// unless an inner launcher started several processes.
+/// processes, a Slurm array, a launcher in `OUTER`, a launcher that started a single process. The number of shards is
+/// `of` or, if `of` is `None`, the launcher's count. Returns an error if no launcher sets a number, if a variable has
+/// a value that is not allowed, or if the number of shards is unknown. It is an error, too, if the number of shards
+/// contradicts the launcher's numbers, or if both a Slurm array of several elements and an inner launcher of several
+/// processes set numbers. A batch script of several tasks that starts raycl without `srun` is also an error, unless
+/// an inner launcher started several processes.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner = INNER
         .iter()
         .filter_map(|ranks| ranks.assignment(variable).transpose())
         .collect::<Result<Vec<_>>>()?;
     let array = array(of.is_some(), variable)?;
-    // A launcher that started a single process does not decide the process's shard. For example, the process
-    // may be the only task of a Slurm step, and the step may belong to an element of a Slurm array. The
-    // element's number then decides the shard.
+    // A launcher that started a single process decides the process's shard only if no launcher of several processes,
+    // no array and no launcher in `OUTER` sets a number. For example, the process may be the only task of a Slurm
+    // step, and the step may belong to an element of a Slurm array. The element's number then decides the shard.
     let numbered = inner.into_iter().find(|assignment| assignment.count != Some(1));
     if let (Some(inner), Some(array)) = (&numbered, array.as_ref().filter(|array| array.count != Some(1))) {
         return Err(twice(array, inner));
@@ -142,8 +142,8 @@ impl Ranks {
 
 /// Reads the number of this process's element in a Slurm array. If the user gives the number of shards, the number of
 /// the array's element is the shard's number, so that a part of the array can be started again. Returns `None` if the
-/// process belongs to no Slurm array. If the user does not give the number of shards, an array with gaps, or of unknown
-/// length, is an error.
+/// process belongs to no Slurm array. If the user does not give the number of shards, an array with irregular gaps,
+/// or of unknown length, is an error.
 fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Assignment>> {
     let Some(task) = number("SLURM_ARRAY_TASK_ID", variable)? else { return Ok(None) };
     let launcher = "a Slurm array (SLURM_ARRAY_TASK_ID)";
@@ -164,7 +164,8 @@ fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Assignme
     match rank.filter(|rank| whole && *rank < count) {
         Some(rank) => Ok(Some(Assignment { launcher, rank, count: Some(count), number: None })),
         None => Err(Error::input(format!(
-            "a Slurm array of {count} elements has gaps, so raycl cannot determine the shard of element {task}"
+            "a Slurm array of {count} elements has irregular gaps, so raycl cannot determine the shard of \
+             element {task}"
         ))
         .with_help("with --shard auto/16, each element's number is its shard's number and must be 1 to 16")),
     }
@@ -338,9 +339,9 @@ mod tests {
                 "this batch script has 4 tasks, but it started raycl without srun",
             ),
             (None, BATCH.to_owned(), "none was found"),
-            (None, format!("SLURM_ARRAY_TASK_ID=7 {GAPS}"), "has gaps"),
-            (None, format!("SLURM_ARRAY_TASK_ID=1 {GAPS}"), "has gaps"),
-            (None, format!("SLURM_ARRAY_TASK_ID=12 {ARRAY} {BATCH}"), "has gaps"),
+            (None, format!("SLURM_ARRAY_TASK_ID=7 {GAPS}"), "has irregular gaps"),
+            (None, format!("SLURM_ARRAY_TASK_ID=1 {GAPS}"), "has irregular gaps"),
+            (None, format!("SLURM_ARRAY_TASK_ID=12 {ARRAY} {BATCH}"), "has irregular gaps"),
             (None, "SLURM_ARRAY_TASK_ID=7".to_owned(), "does not say how many"),
             (None, "JOB_COMPLETION_INDEX=0".to_owned(), "does not say how many"),
             (Some(8), "JOB_COMPLETION_INDEX=8".to_owned(), "this task is shard 9, but the shards are 1 to 8"),

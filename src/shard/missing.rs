@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// The options with which a shard measures failed points again.
 const AGAIN: [&str; 2] = ["--resume", "--retry-failed"];
 
-/// The missing points and the failed points of all kinds of device.
+/// The missing points and the failed points of all selected kinds of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
     /// The kinds of device on which points are missing: no record of these points exists.
@@ -152,10 +152,10 @@ fn named(kind: &Kind, distinction: Option<String>) -> String {
     format!("{}{label}", kind.device)
 }
 
-/// Returns the indices of those points of the plan that are casters on the host, and the indices of all other
-/// points. A point is a caster on the host if the first kind of device in `all` that is no host does not
-/// measure the point. If all kinds of device in `all` are hosts, the points that these hosts measure are the
-/// casters on the host.
+/// Returns the indices of those points of the plan that are casters on the host, and the indices of all other points.
+/// If `all` has a kind of device that is no host, the casters on the host are the points that the first such kind
+/// does not measure. If all kinds of device in `all` are hosts, the casters on the host are the points that these
+/// hosts measure.
 fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     let device = all.iter().find(|kind| kind.device != HOST);
     let on_host = |point: &usize| match device {
@@ -165,8 +165,9 @@ fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     (0..plan.points.len()).partition(on_host)
 }
 
-/// Returns the common names and the drivers' names of all kinds of device that took part in the experiment: each name
-/// once, joined by semicolons, since a common name may contain a comma.
+/// Returns the names of all kinds of device that took part in the experiment. Each kind's common name is followed by
+/// the name that the driver gives, in brackets, if this name differs. Kinds with the same name are listed once.
+/// Semicolons separate the kinds, since a common name may contain a comma.
 pub(super) fn names(all: &[Kind]) -> String {
     let mut seen = BTreeSet::new();
     let names = all.iter().map(|kind| kind.device.as_str()).filter(|name| seen.insert(*name));
@@ -198,11 +199,11 @@ struct Start {
 }
 
 impl Start {
-    /// Returns the command of an attempt on this kind of device or, if there is no such attempt, the command
-    /// of the first attempt. If no attempt's command can be read, the command is made from the plan's `header`.
-    /// The option `--shard` is removed. The option `--out` names the folder of results by its present path,
-    /// since this folder may have been moved or copied. The command contains the default device that the
-    /// attempt used, since the variable or the settings that named this device may be different now.
+    /// Returns the command of an attempt on this kind of device or, if there is no such attempt, the command of the
+    /// first attempt. If no attempt's command can be read, the command is made from the plan's `header`. The option
+    /// `--shard` is removed. The option `--out` names the folder of results by its present path, since this folder
+    /// may have been moved or copied. If the variable `RAYCL_DEVICE` or the user's settings selected the attempt's
+    /// devices, the option `--device` is added, since the variable or the settings may be different now.
     fn of(out: &Path, header: &Header, kind: Option<&Kind>, abouts: &[About]) -> Self {
         let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
         let about = own.or(abouts.first()).cloned().unwrap_or_default();
@@ -256,14 +257,15 @@ impl Start {
     }
 }
 
-/// Returns true if the command may set a variable, given as `NAME=VALUE`. The user runs the command in a
-/// shell, and a stranger may have written the file from which `setting` comes. Therefore, the command sets
-/// only raycl's own variable and those that [`is_to_be_repeated`] accepts.
+/// Returns true if the command may set a variable, given as `NAME=VALUE`. The user runs the command in a shell, and a
+/// stranger may have written the file from which `setting` comes. Therefore, the command sets only
+/// `RAYCL_MOVED_SAMPLES` and the variables that [`is_to_be_repeated`] accepts.
 fn is_harmless(setting: &str) -> bool {
     sets_moved_samples(setting) || setting.split_once('=').is_some_and(|(name, _)| is_to_be_repeated(name))
 }
 
-/// Returns true if a setting, given as `NAME=VALUE`, sets the variable that decides which samples count.
+/// Returns true if a setting, given as `NAME=VALUE`, sets `RAYCL_MOVED_SAMPLES`, the variable that decides which
+/// samples count.
 fn sets_moved_samples(setting: &str) -> bool {
     setting.split_once('=').is_some_and(|(name, _)| name == MOVED_SAMPLES)
 }

@@ -19,15 +19,15 @@ const RESTORE: &str = "restore the file from a copy, or start the shards again i
 pub struct Header {
     /// The number of shards into which the experiment is divided.
     pub shards: u32,
-    /// The config's path as given to the shard that started first, for messages.
+    /// The config's path as given to the shard that started first, for messages and for commands that `raycl merge`
+    /// prints.
     pub config: String,
     /// The hash of the config's text and its overrides.
     pub config_hash: String,
     /// The values of the config that the option `--set` changed, each as a line of TOML.
     pub overrides: Vec<String>,
-    /// The hash of each scene's content, in the config's order. If raycl places a scene's camera, and the
-    /// images have several shapes, the scene has a hash for each shape. The hashes of a scene are joined with
-    /// `+`.
+    /// The hash of each scene's content, in the config's order. If raycl places a scene's camera, the scene has one
+    /// hash for each ratio of image width to height. The hashes of a scene are joined with `+`.
     pub scenes: Vec<String>,
     /// The hash of the kernels' files, built-in or not; null if a file cannot be read.
     pub kernels: Option<String>,
@@ -54,8 +54,8 @@ pub struct ShardPlan {
 }
 
 impl ShardPlan {
-    /// Reads the plan of a folder. If the folder has no plan, writes the plan that `make` returns. Returns an error if
-    /// the header of the folder's plan differs in a field that must be equal for all shards.
+    /// Reads the plan of a folder. If the folder has no plan, writes the plan that `make` returns. Returns an error
+    /// if the header of the folder's plan differs from `header` in a field that must be equal for all shards.
     pub fn open(out: &Path, header: &Header, make: impl FnOnce() -> Result<Self>) -> Result<Self> {
         if let Some(plan) = Self::read(out)? {
             return plan.checked(header, out);
@@ -256,7 +256,8 @@ mod tests {
         assert!(opened.is_err());
     }
 
-    /// With such a plan, a shard would leave out points, or the command that the merge prints would measure none.
+    /// With a damaged plan, a shard would leave out points, or the command that `raycl merge` prints for missing
+    /// points would measure no points.
     #[test]
     fn a_damaged_plan_is_refused() {
         let folder = tempfile::tempdir().unwrap();

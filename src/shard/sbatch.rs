@@ -1,5 +1,5 @@
-//! Makes a shell script that contains two Slurm scripts (the shards and the merge) and submits them. raycl only prints
-//! the shell script.
+//! Makes a shell script. The shell script contains two Slurm scripts, one for the shards and one for the merge, and
+//! submits both to Slurm. raycl prints the shell script, but does not run it.
 
 use crate::words::{counted, quote};
 use std::fmt::Write as _;

@@ -31,14 +31,14 @@ const LAUNCHERS: [&str; 12] = [
 /// interactive shell, and a script may end before the processes that it started.
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
-/// Checks in a thread, for as long as the process runs, whether the launcher is alive, and every process between the
-/// launcher and this process. If no ancestor of this process is a known launcher, the thread checks only the parent. If
-/// one of the checked processes has ended, the thread records the loss of the launcher in the attempt's folder and ends
-/// this process with exit code 1. The workers end with the process, and the points that are being measured get no
-/// record. No process is checked in two cases. In the first case, no ancestor of this process is a known launcher, the
-/// parent is a shell, and the user gave the shard's number. In the second case, the parent is process 1, the first
-/// process of a container or of the system. No check is needed then, since all other processes end with process 1. On
-/// systems other than Linux, no process is ever checked.
+/// Starts a thread that checks, for as long as this process runs, whether the launcher and all processes between the
+/// launcher and this process are alive. If no ancestor of this process is a known launcher, the thread checks only
+/// the parent. If one of the checked processes has ended, the thread records the loss of the launcher in the
+/// attempt's folder and ends this process with exit code 1. The workers end with the process, and the points that are
+/// being measured get no record. No process is checked in two cases. In the first case, no ancestor of this process
+/// is a known launcher, the parent is a shell, and the user gave the shard's number. In the second case, the parent
+/// is process 1, the first process of a container or of the system. No check is needed then, since all other
+/// processes end with process 1. On systems other than Linux, no process is ever checked.
 ///
 /// # Errors
 ///
@@ -107,8 +107,8 @@ impl Chain {
         self.0.is_empty()
     }
 
-    /// Returns a text about the first process that has ended, of the chain from the parent up to the
-    /// launcher; `None` if all processes of the chain are alive.
+    /// Searches the chain, from the parent up to the launcher, for a process that has ended. Returns a text about the
+    /// first such process; `None` if all processes of the chain are alive.
     fn lost(&self) -> Option<String> {
         self.lost_by(&read)
     }
@@ -130,8 +130,8 @@ fn parent() -> u32 {
     0
 }
 
-/// Reads a process from Linux's `/proc`. Returns `None` on other systems, and if the process has ended. A
-/// process whose parent has not waited for it yet counts as ended.
+/// Reads a process from Linux's `/proc`. Returns `None` on other systems, and if the process has ended. A zombie (a
+/// process that has ended, but whose parent has not waited for it yet) counts as ended, too.
 fn read(id: u32) -> Option<Process> {
     parse(id, &std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?)
 }
@@ -175,12 +175,12 @@ mod tests {
         assert_eq!(names(9, given), ["bash", "slurmstepd"]);
         assert!(
             names(20, given).is_empty(),
-            "a shell that started a process with an explicit number may end before it"
+            "a shell may end before a process that it started with an explicit shard number"
         );
         assert_eq!(
             names(20, Asked::Auto(None)),
             ["bash"],
-            "it was started by something that numbers its processes"
+            "with --shard auto, the parent is checked even if it is a shell"
         );
         assert_eq!(names(19, given), ["sshd"]);
         assert!(names(1, given).is_empty(), "the first process never ends");
