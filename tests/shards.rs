@@ -346,7 +346,7 @@ fn two_attempts_at_once_are_both_seen_and_counted_once() {
         (0..2).map(|_| ground.command("1/1", "5", &[]).spawn().expect("it starts")).collect();
     both.into_iter().for_each(|child| succeeds(crate::binary::finish(child)));
     assert_eq!(ground.attempts().len(), 2);
-    has(&ground.merge(), &["12 points were measured by several attempts", "120 samples not used"]);
+    has(&ground.merge(), &["12 points have records of several attempts", "120 samples not used"]);
     ground.is_whole();
 }
 

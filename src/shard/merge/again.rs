@@ -9,8 +9,9 @@ use crate::shard::{Attempt, End};
 use crate::words::few;
 use std::collections::BTreeMap;
 
-/// Returns a note that names the attempts at each shard with several attempts on the same devices; `None` if there is
-/// no such shard. Attempts that had nothing to measure are left out.
+/// Returns a note on the shards with several attempts on the same devices; `None` if there is no such shard. The note
+/// names at most four of these shards, and at most four attempts at each of them. Attempts that finished without
+/// taking a sample are left out.
 pub fn attempted_again(attempts: &[Attempt]) -> Result<Option<String>> {
     let mut of_shards: BTreeMap<(u32, Vec<String>), Vec<&Attempt>> = BTreeMap::new();
     for attempt in attempts {
@@ -41,14 +42,13 @@ fn names_of_busy<'a>(attempts: &[&'a Attempt]) -> Result<Vec<&'a str>> {
     Ok(names)
 }
 
-/// Returns true unless an attempt had nothing to measure. An attempt that took no samples, but has not finished, may
-/// have compiled programs or cast pictures of the reference for a long time.
+/// Returns false if an attempt has finished without taking a sample, otherwise true. An attempt that took no samples,
+/// but has not finished, may have compiled programs or cast pictures of the reference for a long time.
 fn may_have_slowed(attempt: &Attempt) -> Result<bool> {
     Ok(attempt.end()? != Some(End::Done) || took_samples(attempt)?)
 }
 
-/// Returns true if an attempt took samples. An attempt at a shard that an earlier attempt has finished takes none, and
-/// has at most copies of the earlier attempt's samples.
+/// Returns true if an attempt took samples. Samples that the attempt copied from an earlier attempt do not count.
 fn took_samples(attempt: &Attempt) -> Result<bool> {
     let samples = lines::<Sample>(&attempt.folder.join(SAMPLES))?;
     Ok(samples.iter().any(|sample| sample.origin.is_none()))
@@ -82,7 +82,7 @@ mod tests {
         begin(1, "n1", "gpu", &[None]);
         begin(1, "n1", "cpu", &[None]);
         finish(begin(3, "n3", "cpu", &[None]));
-        // Attempts that had nothing to measure did not slow the others.
+        // Attempts that finished without taking a sample are left out of the note.
         finish(begin(3, "n1", "cpu", &[]));
         finish(begin(3, "n2", "cpu", &[Some("shard-00003.n3..r00 launch 0")]));
         let note = || attempted_again(&Attempt::all(folder.path()).unwrap()).unwrap();

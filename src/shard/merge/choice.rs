@@ -21,18 +21,17 @@ pub struct Chosen {
     several: BTreeMap<String, Vec<(usize, Outcome)>>,
 }
 
-/// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes
-/// precedence over all other records, and a record with a time takes precedence over a record without a time.
-/// Among records without a time, [`Record::rank`] decides on the order. If several records of a point are
-/// equally good by these rules of precedence, the record of the preferred attempt is used. All points of a
-/// block (points that are measured together) have the same preferred attempt, because points of different
-/// attempts were not measured in the same rounds. To find a block's preferred attempt, raycl counts, for each
-/// attempt, those points of the block for which no other attempt has a better record. The attempt with the
-/// most counted points is preferred. Between attempts with equally many counted points, the attempt with the
-/// most samples of its counted points is preferred. If attempts also have equally many samples of their
-/// counted points, the attempt whose name sorts first is preferred. Times of day are never compared, since
-/// the clocks of two machines may differ. If an attempt has several records of a point, its last record is
-/// used, as for a run without shards.
+/// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes precedence
+/// over all other records. Of two records without a wrong image, a record with a time takes precedence over a record
+/// without a time. Among the records without a time, [`Record::rank`] decides on the order. If several records of a
+/// point are equally good by these rules of precedence, the record of the preferred attempt is used. All points of a
+/// block (points that are measured together) have the same preferred attempt, because points of different attempts
+/// were not measured in the same rounds. To find a block's preferred attempt, raycl counts, for each attempt, those
+/// points of the block for which no other attempt has a better record. The attempt with the most counted points is
+/// preferred. Between attempts with equally many counted points, the attempt with the most samples of its counted
+/// points is preferred. If attempts also have equally many samples of their counted points, the attempt whose name
+/// sorts first is preferred. Times of day are never compared, since the clocks of two machines may differ. If an
+/// attempt has several records of a point, its last record is used, as for a run without shards.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut offered = Offered::default();
     for (index, attempt) in attempts.iter().enumerate() {
@@ -71,7 +70,7 @@ impl Offered {
         self.0.entry(record.key.clone()).or_default().push((attempt, record));
     }
 
-    /// Chooses one of the records that the attempts offer for each point.
+    /// For each point, chooses one of the records that the attempts offer.
     fn chosen(self) -> Chosen {
         let shares = self.shares();
         let mut chosen = Chosen::default();
@@ -143,11 +142,11 @@ impl Chosen {
             few(&names)
         );
         Err(Error::input(message).with_help(format!(
-            "copy the files in {FOLDER}/ of the machines that measured these points to {folder}. If these files are lost, start one of the shards of these attempts again, on a machine with the same kind of device. The shard then writes the lost list of points for this kind of device, and measures no finished point again. To merge without these attempts, move their folders out of parts/"
+            "from each machine that measured these points, copy the files in {FOLDER}/ to {folder}. If these files are lost, start one of the shards of these attempts again, with the same version of raycl, and on a machine with the same kind of device. The shard then writes the lost list of the points of this kind of device again; results of earlier attempts are kept. To merge without these attempts, move their folders out of parts/"
         )))
     }
 
-    /// Returns notes on points that several attempts measured.
+    /// Returns notes on points that have records of several attempts.
     pub fn notes(&self, attempts: &[Attempt]) -> Vec<String> {
         let mut notes = Vec::new();
         let names = new_names(self.best.values().map(|(_, record)| record));
@@ -173,12 +172,12 @@ impl Chosen {
             who.sort_unstable();
             who.dedup();
             let points = if self.several.len() == 1 {
-                "1 point was".to_owned()
+                "1 point has".to_owned()
             } else {
-                format!("{} points were", self.several.len())
+                format!("{} points have", self.several.len())
             };
             notes.push(format!(
-                "{points} measured by several attempts ({}); one record per point is used.",
+                "{points} records of several attempts ({}); one record per point is used.",
                 few(&who)
             ));
         }
@@ -247,9 +246,9 @@ mod tests {
         }
     }
 
-    /// Returns the attempts whose records of the points "a", "b", ... are chosen. `offered` has, for each
-    /// attempt, the outcome and the number of samples of the attempt's record of each point, in the order of
-    /// the points.
+    /// Returns the attempts whose records of the points "a", "b", ... are chosen. For each attempt, `offered` lists
+    /// the attempt's records in the order of the points. Each record is given by its outcome and its number of
+    /// samples.
     fn attempts_of(offered: &[&[(Outcome, usize)]], change: impl Fn(&str, Record) -> Record) -> Vec<usize> {
         let keys = ["a", "b", "c"];
         let mut all = Offered::default();
@@ -321,7 +320,7 @@ mod tests {
         offered.add(1, record(Outcome::WrongImage, 0));
         let notes = offered.chosen().notes(&[attempt("one"), attempt("two")]);
         assert!(notes[0].contains("measured in one, wrong-image in two"), "{notes:?}");
-        assert!(notes[1].starts_with("1 point was measured by several attempts (one, two)"), "{notes:?}");
+        assert!(notes[1].starts_with("1 point has records of several attempts (one, two)"), "{notes:?}");
     }
 
     #[test]
@@ -365,7 +364,7 @@ mod tests {
         let notes = chosen.notes(&["one", "two", "three"].map(attempt));
         assert_eq!(
             notes,
-            ["2 points were measured by several attempts (one, three, two); one record per point is used."]
+            ["2 points have records of several attempts (one, three, two); one record per point is used."]
         );
         assert_eq!([chosen.outcome("c"), chosen.outcome("d")].map(|known| known.is_some()), [true, false]);
         assert!(Chosen::default().notes(&[]).is_empty());

@@ -9,11 +9,11 @@ use crate::record::journals::{CONTROLS, RECORDS};
 use crate::shard::Attempt;
 use std::collections::{BTreeSet, HashSet};
 
-/// Returns the records of control points that are not among `records` (the merged records), but that were
-/// measured in launches of `records`. Other records of control points are left out: they belong to kinds of
-/// device that are not selected, or to attempts of which no record of the block is used. If an attempt copied
-/// the launches of a control point from an earlier attempt, the earlier attempt may have a record of the same
-/// launches. Of two records of the same launches, only one is returned, and none if `records` has one.
+/// Returns the records of control points that are not among `records` (the merged records), but that were measured in
+/// launches of `records`. Other records of control points are left out, since no merged record uses their launches:
+/// their kind of device is not selected, or the merge uses records of other attempts. If an attempt copied the
+/// launches of a control point from an earlier attempt, the earlier attempt may have a record of the same launches.
+/// Of two records of the same launches, only one is returned, and none if `records` has one.
 pub fn controls(attempts: &[Attempt], origins: &Origins, records: &[Measured]) -> Result<Vec<Measured>> {
     let identified = |(index, record): &Measured| (record.key.clone(), origins.of_record(*index, record));
     let mut known: HashSet<(String, BTreeSet<Launch>)> = records.iter().map(identified).collect();
@@ -33,8 +33,8 @@ pub fn controls(attempts: &[Attempt], origins: &Origins, records: &[Measured]) -
 
 /// Returns all records of control points that an attempt measured. The record of a control point is in
 /// `controls.jsonl` if the control point belongs to another block or was finished before, and otherwise in
-/// `records.jsonl`. The merge may use the record in `records.jsonl` of another attempt, and still compare
-/// other points of this attempt by this attempt's own record of the control point.
+/// `records.jsonl`. The merge may choose another attempt's record as the result of the control point. The other
+/// points of this attempt are then still compared by this attempt's own record of the control point.
 fn of_attempt(attempt: &Attempt) -> Result<Vec<Record>> {
     let is_control = |record: &Record| record.control.as_ref() == Some(&record.key);
     let own = lines::<Record>(&attempt.folder.join(RECORDS))?.into_iter().filter(is_control);

@@ -1,4 +1,5 @@
-//! The environment of a merged folder: the first attempt's environment, and a list of all machines that took part.
+//! The environment of a merged folder: the environment of the first attempt that has a valid one, and a list of
+//! the machines of all such attempts.
 
 use crate::error::Result;
 use crate::existing;

@@ -46,8 +46,8 @@ impl Launches {
         }
     }
 
-    /// Identifies the samples that records use: returns pairs of a launch (of worker processes), which
-    /// measured the samples, and a point's key.
+    /// Identifies the samples that the records use. Each returned pair consists of a launch (of worker processes) and
+    /// the key of a point whose samples were measured in this launch.
     pub fn counted<'a>(&self, records: &'a [Measured]) -> HashSet<(Launch, &'a str)> {
         let mut counted = HashSet::new();
         for (attempt, record) in records {

@@ -35,18 +35,18 @@ fn device_types(environment: &[u8]) -> Option<Vec<String>> {
     Some(devices.iter().map(|device| device["kind"].as_str().unwrap_or_default().to_owned()).collect())
 }
 
-/// Returns the kinds of device that took part in the experiment and are selected, and the words in `meant`
-/// that match no kind. If `meant` has no words, all kinds of device are selected. The kinds of host, on which
-/// baselines run, are always selected. A word is `all`, a type of device (`cpu`, `gpu`, `accelerator`), or a
-/// part of a kind's description. As with `raycl run --device`, a word that consists only of digits matches a
-/// whole number in the description, but not a part of a longer number. A word that matches only the host, for example
-/// because the host's processor has the vendor of a GPU, counts as a word that matches no kind, unless it is `all` or
-/// `host`.
+/// Returns the kinds of device that took part in the experiment and are selected, and the words in `meant` that match
+/// no kind. If `meant` has no words, all kinds of device are selected. The kinds of host, on which baselines run, are
+/// always selected. A word is `all`, a type of device (`cpu`, `gpu`, `accelerator`), or a part of a kind's
+/// description. As with `raycl run --device`, a word that consists only of digits matches a whole number in the
+/// description, but not a part of a longer number. A word that matches only the host, for example because the host's
+/// processor has the same vendor as a GPU, counts as a word that matches no kind, unless it is `all` or `host`.
 ///
 /// # Errors
 ///
-/// Returns an input error if a word is blank, or if kinds of device took part, but no word matches any of them: a merge
-/// would then replace the results of an earlier merge by none.
+/// Returns an input error if a word is blank. Returns an input error, too, if kinds of device took part and `meant`
+/// has words, but none of these words matches a kind: otherwise, the merge would discard the results of devices that
+/// an earlier merge wrote.
 pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> Result<(Vec<Kind>, Vec<String>)> {
     let plain = |word: &String| word.trim().to_lowercase();
     let has = |kind: &Kind, word: &String| matches(kind, types.get(&kind.identity), &plain(word));
@@ -87,8 +87,8 @@ fn matches(kind: &Kind, known: Option<&String>, word: &str) -> bool {
     }
 }
 
-/// Returns a kind's description: the name and the identity of its devices, and the common name of each part. raycl
-/// prints the common names of devices, so a user may give one of them.
+/// Returns a kind's description: the name and the identity of its devices, and then the same texts with common names
+/// in place of the names that drivers give. raycl prints common names, so a user may give a common name.
 fn description(kind: &Kind) -> String {
     let parts = std::iter::once(kind.device.as_str()).chain(kind.identity.split(" | "));
     let common: Vec<String> = parts.map(common_name).collect();
@@ -142,7 +142,8 @@ mod tests {
     #[test]
     fn the_common_name_of_a_device_selects_its_kind() {
         let driver = "pthread-skylake-avx512-Intel(R) Xeon(R) Processor";
-        // The label of one of several devices of the same name is another text than the driver's name.
+        // If several devices have the same name, raycl gives each of them a label, which differs from the driver's
+        // name.
         let label = kind("pocl-cpu-2", &format!("PoCL | {driver} | 7.0"));
         for all in [kind(driver, "PoCL"), label].map(|kind| [kind, self::kind("NVIDIA H200", "CUDA")]) {
             for word in ["Intel Xeon", "intel xeon, pocl"] {
@@ -172,8 +173,8 @@ mod tests {
         assert_eq!(selected(&[], &Types::new(), &["h200"]), (vec![], names(&["h200"])), "no shard has begun");
     }
 
-    /// A merge of baselines alone replaces the results of all devices, so a word that is meant for a device must not
-    /// select it.
+    /// A merge of the baselines alone discards the merged results of all devices. If a word for a device selected
+    /// only the host, the user would lose these results by mistake.
     #[test]
     fn a_word_that_matches_only_the_hosts_processor_selects_no_kind() {
         let all = [kind("host", "AMD EPYC 9B45"), kind("NVIDIA H200", "CUDA")];

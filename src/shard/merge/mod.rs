@@ -1,6 +1,6 @@
-//! Merges the results of attempts (processes that each measured a shard) into one folder, like the folder of
-//! a run without shards. A merge needs no device, and its results depend on no clock: the same attempts
-//! always result in the same folder. A merge does not change the attempts' folders.
+//! Merges the results of attempts (processes that each measured a shard) into one folder, like the folder of a run
+//! without shards. A merge needs no device, and its results depend on no clock. A merge does not change the attempts'
+//! folders.
 
 mod again;
 mod choice;
@@ -45,14 +45,14 @@ const ABANDONED: Duration = Duration::from_secs(3600);
 pub struct Merged {
     /// Number of attempts at the experiment's shards, with or without records.
     pub attempts: usize,
-    /// Number of merged records, one for each point with a record on each selected kind of device.
+    /// Number of merged records. On each selected kind of device, each point with a record counts once.
     pub records: usize,
     /// Three numbers of samples: samples of the merged records, samples of the records in `controls.jsonl`,
     /// and all other samples.
     pub samples: [usize; 3],
     /// Notes to be shown with the results.
     pub notes: Vec<String>,
-    /// The points that still have to be measured.
+    /// The points that still have to be measured, and the points that failed.
     pub missing: Missing,
 }
 
@@ -160,7 +160,7 @@ fn refuse_lost_attempts(out: &Path, attempts: &[Attempt]) -> Result<()> {
     }
 }
 
-/// Returns notes on the attempts, and on points that several attempts measured.
+/// Returns notes on the attempts, and on points that have records of several attempts.
 fn notes(plan: &ShardPlan, chosen: &Chosen, attempts: &[Attempt]) -> Result<Vec<String>> {
     let mut notes = chosen.notes(attempts);
     notes.extend(again::attempted_again(attempts)?);
@@ -173,8 +173,8 @@ fn notes(plan: &ShardPlan, chosen: &Chosen, attempts: &[Attempt]) -> Result<Vec<
     Ok(notes)
 }
 
-/// Returns a note on the attempts that did not finish, with a number for each way in which they ended; `None` if all
-/// attempts finished.
+/// Returns a note on the attempts that have not finished; `None` if all attempts have finished. The note has the
+/// number of attempts for each reason: killed or still running, launcher lost, interrupted, error.
 fn ended_early(ends: &[Option<End>]) -> Option<String> {
     let count = |wanted: &dyn Fn(&Option<End>) -> bool| ends.iter().filter(|end| wanted(end)).count();
     let words = [
@@ -191,8 +191,8 @@ fn ended_early(ends: &[Option<End>]) -> Option<String> {
     (!words.is_empty()).then(|| format!("Of {}, {}.", counted(ends.len(), "attempt"), words.join(", ")))
 }
 
-/// Returns a note on each journal (a file with one JSON object per line) of an attempt that has damaged lines. The
-/// merged journals do not have the damaged lines, so only this note reports the damage to the user.
+/// Returns a note on each journal (a file with one JSON object per line) with damaged lines, in the folder of any
+/// attempt. The merged journals do not have the damaged lines, so only this note reports the damage to the user.
 fn damage(attempts: &[Attempt]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for attempt in attempts {
@@ -221,8 +221,8 @@ fn lost_samples(attempt: &Attempt) -> Result<Option<String>> {
     let points = records.iter().filter(|record| !record.sample_launches.is_empty()).count();
     Ok((points > 0).then(|| {
         format!(
-            "parts/{}/{SAMPLES} is missing or has no lines, so {SAMPLES} lacks samples of {}. The times of \
-             the missing samples are in {RECORDS}.",
+            "parts/{}/{SAMPLES} is missing or has no readable lines, so the merged {SAMPLES} lacks this attempt's \
+             samples of {}. The times of these samples are in the attempt's {RECORDS}.",
             attempt.name,
             counted(points, "point")
         )
@@ -286,11 +286,12 @@ fn write_renumbered<T: Serialize + OfLaunch>(
     })
 }
 
-/// Writes the devices' peak rates that attempts stored. `name` is called with an attempt's index and a device's name in
-/// this attempt. `name` returns the device's name in the merged folder; `None` if the merged folder has no record that
-/// the attempt measured on this device. Rates for which `name` returns `None` are left out: a reader might mistake such
-/// rates for the rates of a selected kind of device that has the same name. If several attempts have rates of the same
-/// device, the rates of the first attempt are used. If no attempt stored rates, no file is written.
+/// Writes the devices' peak rates that attempts stored. `name` is called with an attempt's index and a device's name
+/// in this attempt. `name` returns the device's name in the merged folder; `None` if the merged folder has no record
+/// that the attempt measured on this device. Rates for which `name` returns `None` are left out: a reader might
+/// mistake such rates for the rates of a selected kind of device that has the same name. If several attempts have
+/// rates of devices that have the same name in the merged folder, the rates of the first of these attempts are used.
+/// If no attempt stored rates, no file is written.
 fn write_peak(out: &Path, attempts: &[Attempt], name: impl Fn(usize, &str) -> Option<String>) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
     let mut has_rates = false;
@@ -532,7 +533,7 @@ mod tests {
         let [attempt] = &Attempt::all(folder.path()).unwrap()[..] else { panic!("one attempt") };
         assert_eq!(lost_samples(attempt).unwrap(), None);
         std::fs::remove_file(attempt.folder.join(SAMPLES)).unwrap();
-        let note = "parts/shard-00001.n1..r00/samples.jsonl is missing or has no lines, so samples.jsonl lacks samples of 1 point. The times of the missing samples are in records.jsonl.";
+        let note = "parts/shard-00001.n1..r00/samples.jsonl is missing or has no readable lines, so the merged samples.jsonl lacks this attempt's samples of 1 point. The times of these samples are in the attempt's records.jsonl.";
         assert_eq!(lost_samples(attempt).unwrap().as_deref(), Some(note));
     }
 
@@ -570,7 +571,7 @@ mod tests {
         let failed = Record { key: "failed".into(), outcome: Outcome::Crashed, ..Record::default() };
         JsonLines::append_to(&records).unwrap().append(&failed).unwrap();
         let note = lost_samples(attempt).unwrap().unwrap();
-        assert!(note.contains("lacks samples of 1 point."), "{note}");
+        assert!(note.contains("lacks this attempt's samples of 1 point."), "{note}");
         std::fs::remove_file(&records).unwrap();
         JsonLines::append_to(&records).unwrap().append(&failed).unwrap();
         assert_eq!(lost_samples(attempt).unwrap(), None);
@@ -651,7 +652,7 @@ mod tests {
         assert_eq!(rounds.iter().map(|round| round.launch).collect::<Vec<_>>(), [0, 1]);
     }
 
-    /// Makes the folder of an attempt at the first shard, which measured `record` and, in the launches
+    /// Makes the folder of an attempt at the first shard. The attempt measured `record` and, in the launches
     /// `launches`, a control point that belongs to another block.
     fn write_block(out: &Path, host: &str, record: &Record, launches: [u32; 2]) {
         use crate::record::JsonLines;

@@ -48,7 +48,7 @@ impl Origins {
         Ok(Self { originals, hosts })
     }
 
-    /// Returns `launch` or, if `launch` is a copy, the launch that was copied.
+    /// Returns `launch` or, if `launch` is a copy, the original launch.
     pub fn of(&self, launch: Launch) -> Launch {
         self.originals.get(&launch).copied().unwrap_or(launch)
     }

@@ -13,7 +13,7 @@ use std::path::{Component, Path};
 pub struct Lost {
     /// The picture's path in the folder that is merged.
     path: String,
-    /// The reason why the picture could not be read.
+    /// The reason why the picture could not be copied.
     why: IoError,
 }
 

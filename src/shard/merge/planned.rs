@@ -63,8 +63,8 @@ impl Planned {
         records.filter_map(named).collect()
     }
 
-    /// Adds the kind of host to the strategy in the record of a caster on the host, so that tables and plots
-    /// distinguish this caster from casters on other kinds of host.
+    /// If there are several kinds of host, adds the kind of host to the strategy in the record of a caster on the
+    /// host. Tables and plots then distinguish this caster from casters on other kinds of host.
     pub fn tell_apart(&self, record: &mut Record) {
         if let Some(what) = self.hosts.get(&record.key) {
             record.strategy = format!("{} ({what})", record.strategy);
