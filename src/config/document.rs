@@ -1,5 +1,5 @@
-//! The text of a config, with the `--set` values merged into it, and the locations of mistakes in the text
-//! and in these values.
+//! Reads the text of a config, merges the `--set` values into the values of the text, and locates mistakes in the text
+//! and in the `--set` values.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use crate::words::counted;
 /// The help in an error message about a mistake for which there is no more specific help.
 const KEYS: &str =
     "docs/experiments.md lists every key of an experiment, and configs/quick.toml is an example";
-/// Keys of configs that were renamed: the old name and the new name.
+/// The renamed keys of configs: the old name and the new name of each key.
 const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
 /// Keys whose values are lists, each with an example of a list.
 const LISTS: [(&str, &str); 8] = [
@@ -167,9 +167,9 @@ impl Document {
         }
     }
 
-    /// Returns the remedy for the value at `span` if `message` says one of three things: that a list is needed, and a
-    /// key of a list that raycl knows stands before the value in the same line; that `[[name]]` is needed in place of
-    /// `[name]`; or the reverse. Returns `None` otherwise.
+    /// Returns the remedy for a value of a wrong type at `span`, in two cases. In the first case, the file has `[name]`
+    /// in place of `[[name]]`, or the reverse. In the second case, a list is needed, and the key in front of the value
+    /// is one of [`LISTS`]. Returns `None` in all other cases. `message` is the message about the wrong type.
     fn list_instead(&self, span: &Range<usize>, message: &str) -> Option<String> {
         let (_, text, start) = self.part(span);
         let at = span.start - start;
@@ -281,10 +281,10 @@ fn moved<T>(value: Spanned<T>, distance: usize) -> Spanned<T> {
     Spanned::new(start + distance..end + distance, value.into_inner())
 }
 
-/// Merges the overrides `above` into the file's values `below`: tables are merged, and all other values are
-/// replaced. [`merge`] also merges a table into an array if the table's keys are indices. Returns an error if
-/// an index is not in its list; a list that the file does not contain counts as an empty list. `path` is the
-/// dotted path of the tables; it is empty for the whole file.
+/// Merges a table of an override, `above`, into the table `below` of the file. A table is merged into a table and, if
+/// the keys of the override's table are indices, into an array (see [`merge`]). Any other value of the override
+/// replaces the file's value. Returns an error if a list has no element with such an index; a list that the file does
+/// not contain counts as an empty list. `path` is the dotted path of both tables; it is empty for the whole file.
 fn merge_tables<'i>(path: &str, below: &mut DeTable<'i>, above: DeTable<'i>) -> Merged {
     for (key, value) in above {
         let name = match path {
@@ -305,10 +305,10 @@ fn merge_tables<'i>(path: &str, below: &mut DeTable<'i>, above: DeTable<'i>) -> 
     Ok(())
 }
 
-/// The result of merging an override into the file's values: an error if an index is not in its list.
+/// The result of merging an override into the file's values: an error if a list has no element with an index.
 type Merged = std::result::Result<(), NoIndex>;
 
-/// An index in an override's key that is not an index of the list.
+/// An index in an override's key for which a list has no element.
 struct NoIndex {
     /// The range of bytes of the index in the document.
     span: Range<usize>,
@@ -336,14 +336,14 @@ fn merge<'i>(name: &str, below: &mut Spanned<DeValue<'i>>, above: Spanned<DeValu
     Ok(())
 }
 
-/// Returns an example of a list with this dotted path; `None` if the path is not that of a list.
+/// Returns an example of a list with this dotted path; `None` if the last key of the path is not one of [`LISTS`].
 fn example_of(path: &str) -> Option<&'static str> {
     let key = path.rsplit('.').next().unwrap_or(path);
     LISTS.iter().find(|(list, _)| *list == key).map(|(_, whole)| *whole)
 }
 
-/// If the TOML text `value` is one size, such as "400x250" (with its quotes), returns the list of this size
-/// that a config needs, such as `[[400, 250]]`. Returns `None` for any other text.
+/// If the TOML text `value` is one size, such as "400x250" (with its quotes), returns the same size as a config needs
+/// it: in a list, such as `[[400, 250]]`. Returns `None` for any other text.
 fn size_in(value: &str) -> Option<String> {
     let (across, down) = value.trim_matches(['"', '\'']).split_once('x')?;
     let [across, down] = [across, down].map(|side| side.trim().parse::<u32>().ok());

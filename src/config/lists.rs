@@ -1,12 +1,12 @@
-//! Checks that the lists of a config are not empty, and removes repeated elements.
+//! Checks that a list of a config is not empty, and removes repeated elements from a list.
 
 use toml::Spanned;
 
 use super::document::Document;
 use crate::error::Result;
 
-/// Returns an error if the list is empty. The error names `key`, and says that at least `expected` is
-/// expected.
+/// Returns an error if the list is empty. The error's message names `key`, and its label is "expected at least" with
+/// the text `expected`.
 pub fn not_empty<T>(document: &Document, list: &Spanned<Vec<T>>, key: &str, expected: &str) -> Result<()> {
     if !list.get_ref().is_empty() {
         return Ok(());

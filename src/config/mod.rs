@@ -1,7 +1,7 @@
 //! Reads experiments. The TOML file of an experiment, here called a config, is read into the types of the module
 //! `wire`. The module `validate` checks the values that were read from the file and from `--set`, and makes an
-//! [`Experiment`] of them. A mistake in the file is reported with its line, unless the file is empty. A mistake in a
-//! value of `--set` has no line of the file, so it is reported with this value.
+//! [`Experiment`] of them. A mistake in the file is reported with its line, unless the file is empty or no experiment.
+//! A mistake in a value of `--set` has no line of the file, so it is reported with this value.
 
 mod document;
 mod lists;
@@ -35,12 +35,12 @@ pub fn schema() -> serde_json::Value {
 
 /// Reads the experiment at `path`, with `overrides` (dotted key, value) merged into it.
 ///
-/// An override's value that is valid TOML is read as TOML, any other value as a string. An array in the file is
-/// replaced by the override's array, and a table is merged with the override's table. A key may contain the index of an
-/// element of an array: `strategy.0.width`. Paths of scenes are relative to the folder of the file. Any mistake in the
-/// file or in an override is returned as an input error (a mistake of the user), which contains a remedy. The error
-/// names the file and, unless the file is empty, the mistake's line. For a mistake in an override, the error names
-/// `--set` and quotes the override instead.
+/// An override's value is read as TOML if it is valid TOML without a line break, otherwise as a string. An array in
+/// the file is replaced by the override's array, and a table is merged with the override's table. A key may contain
+/// the index of an element of an array: `strategy.0.width`. Paths of scenes are relative to the folder of the file.
+/// Any mistake in the file or in an override is returned as an input error (a mistake of the user), which contains a
+/// remedy. The error names the file and, unless the file is empty or no experiment, the mistake's line. For a mistake
+/// in an override, the error names `--set` and quotes the override instead.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let unreadable = |error| {
         let otherwise = "name an experiment file (.toml), such as configs/quick.toml in raycl's repository; \

@@ -52,7 +52,7 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
     let message = format!("there is no scene file '{}'", name.get_ref());
     let error = document.error(name.span(), message, format!("{} is not a file", path.display()));
     Err(match nearest_scene(&path) {
-        // The file is in the folder of the misspelt one, so the path in the config differs only in the file's name.
+        // `meant` is in the folder of the missing file, so only the file's name in the config's path is replaced.
         Some(meant) => {
             let meant = Path::new(name.get_ref()).with_file_name(meant);
             error.with_help(format!("did you mean {}?", meant.display()))
@@ -63,7 +63,7 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
 }
 
 /// Returns the name of the scene or mesh with the most similar name in the folder of a missing scene; `None` if no name
-/// is similar enough. An experiment is no scene.
+/// is similar enough. Experiments in this folder, which are TOML files like scenes, are skipped.
 fn nearest_scene(missing: &Path) -> Option<OsString> {
     let is_experiment =
         |path: &Path| Opened::at(path).is_ok_and(|opened| experiment_in(opened, path).is_some());
@@ -132,10 +132,10 @@ struct Change<'a> {
     values: Vec<&'a Value>,
 }
 
-/// Returns the paths that a key of `set` changes. In TOML, a key without quotes such as
-/// `display.exposure = 3` means the table `display = { exposure = 3 }`, so a table changes only the keys that
-/// it contains. But if the config gives a list of values, a table in this list replaces the whole old value,
-/// with all its keys.
+/// Returns the paths that a key of `set` changes, with the values of each path. A table in `set` changes only the keys
+/// that it contains, since TOML does not distinguish `display = { exposure = 3 }` from `display.exposure = 3` (without
+/// quotes). But if the config gives a list of values, a table in this list replaces the whole old value, with all its
+/// keys.
 fn changes<'a>(key: &Spanned<String>, values: &'a SceneValues) -> Vec<Change<'a>> {
     let path = key.get_ref().clone();
     let changed = match values {

@@ -1,5 +1,5 @@
-//! JSON schemas of the values that the module `wire` deserialises with code of its own instead of derived code (sizes,
-//! numbers of samples and strategies), of the names of presets and baselines, and of values of any type.
+//! JSON schemas of those values in a config for which no schema is derived from a type of the module `wire`: sizes,
+//! numbers of samples, strategies, the names of presets and baselines, and values of any type.
 
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
@@ -38,7 +38,7 @@ schema_by_hand! {
 }
 
 /// Returns the schema of a size: one side of a square, or two sides in the range `side`. A square has at most `most`
-/// elements. For two sides, a schema cannot limit their product.
+/// pixels or work-items. For two sides, a schema cannot limit their product.
 fn size(side: &RangeInclusive<i64>, most: u64) -> Schema {
     let up_to = |end: u64| json!({ "type": "integer", "minimum": side.start(), "maximum": end });
     let longest = side.end().unsigned_abs();
@@ -67,8 +67,8 @@ fn strategy() -> Schema {
     );
     add(
         "name",
-        "The strategy's name in results [default: the preset's name, and the axes that differ from the \
-         preset or have several values].",
+        "The strategy's name in results; axes with several values are appended [default: the preset's name; \
+         axes that differ from the preset are appended, too].",
         json_schema!({ "type": "string", "minLength": 1 }),
     );
     let sizes = json_schema!({ "type": "array", "items": size(&LOCAL_SIDE, LOCAL_ITEMS) });
@@ -77,7 +77,8 @@ fn strategy() -> Schema {
         "Work-items per work-group for this strategy, instead of the experiment's `local_sizes`.",
         sizes,
     );
-    let about = "Also measure the preset on kinds of devices that it is not meant for [default: false].";
+    let about =
+        "Also measure the strategy on kinds of devices that its preset is not meant for [default: false].";
     add("any_kind", about, json_schema!({ "type": "boolean" }));
     for axis in AXES {
         add(

@@ -1,4 +1,4 @@
-//! The strategies of a config: presets by name, and products of axes.
+//! The strategies of a config: presets by name, and the strategies of `[[strategy]]` entries.
 
 use std::ops::Range;
 
@@ -21,8 +21,8 @@ const TOP: &str = "at the top of the experiment's file";
 #[derive(Clone)]
 struct Variant {
     strategy: Strategy,
-    /// The axes that appear in the strategy's name, as `axis=value`: those that differ from the preset, or
-    /// that have several values in the `[[strategy]]` entry.
+    /// The axes that differ from the preset, or that have several values in the `[[strategy]]` entry, as
+    /// `axis=value`. The strategy's name contains these axes, unless the entry sets a name (see [`full_name`]).
     named_axes: Vec<String>,
 }
 
@@ -81,9 +81,9 @@ fn find(document: &Document, name: &Spanned<String>) -> Result<&'static Preset> 
     })
 }
 
-/// Returns the remedy for a name of a preset that is a strategy in the form of `--strategy`, such as
-/// `deferred,width=4`: the keys of a `[[strategy]]` entry. Returns `None` if the name is not a strategy in
-/// this form.
+/// Returns the remedy if the config has a strategy in the form of `--strategy`, such as `deferred,width=4`, in place of
+/// a preset's name. The remedy states the keys of a `[[strategy]]` entry. Returns `None` if `text` is not a preset with
+/// changed axes in this form.
 fn entry_instead(text: &str) -> Option<String> {
     let parts: Vec<&str> = text.split([',', '+']).map(str::trim).filter(|part| !part.is_empty()).collect();
     let (base, axes) = match parts.split_first()? {
@@ -156,8 +156,9 @@ fn product(
     variants.into_iter().map(finish).collect()
 }
 
-/// Returns one variant of the preset for every combination of a variant in `variants` and a value of `axis`. Returns an
-/// error if `choices` is an empty list, lists a value twice, or contains a value that the axis does not have.
+/// Returns one variant of the preset for every combination of a variant in `variants` and a value in `choices`, which
+/// are values of `axis`. Returns an error if `choices` is an empty list, lists a value twice, or contains a value that
+/// the axis does not have.
 fn vary(
     document: &Document,
     axis: &str,
