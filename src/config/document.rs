@@ -305,7 +305,8 @@ fn merge_tables<'i>(path: &str, below: &mut DeTable<'i>, above: DeTable<'i>) -> 
     Ok(())
 }
 
-/// The result of merging an override into the file's values: an error if a list has no element with an index.
+/// The result of merging an override into the file's values: an error if the override has an index for which a list has
+/// no element.
 type Merged = std::result::Result<(), NoIndex>;
 
 /// An index in an override's key for which a list has no element.

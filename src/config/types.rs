@@ -232,9 +232,8 @@ pub struct NamedStrategy {
 }
 
 impl NamedStrategy {
-    /// Returns a note that says that the strategy `first` is measured in place of this strategy, which has the
-    /// same value on every axis. `sizes` are those of this strategy's local sizes at which `first` is measured in its
-    /// place.
+    /// Returns a note that says that the strategy `first` is measured in place of this strategy at the local sizes
+    /// `sizes`, because both strategies have the same value on every axis.
     fn note_on_equal(&self, first: &str, sizes: &[[u32; 2]]) -> String {
         let sizes = match sizes.len() == self.local_sizes.len() {
             true => String::new(),
@@ -336,12 +335,12 @@ pub struct Timing {
     pub launches: u32,
     /// Smallest number of samples of a point, unless `time_limit_ms` ends the sampling earlier.
     pub min_samples: u32,
-    /// Largest number of samples of a point. Each launch takes an equal part of a point's samples, but
-    /// usually at least five samples.
+    /// Largest number of samples of a point, divided equally among the launches. A launch whose part is less than five
+    /// may take five samples (or `max_samples`, if that is less than five), so a point may get more than `max_samples`.
     pub max_samples: u32,
     /// Limit, in milliseconds, of the time for the samples of a point, averaged over the points of its group.
     pub time_limit_ms: f64,
-    /// Seed of two random orders: that of the groups in a launch, and that of the points in a round.
+    /// Seed of two random orders: that of the groups in each launch after the first, and that of the points in a round.
     pub seed: u64,
     /// Limit of the relative standard deviation (standard deviation divided by mean) of a point's samples. If each
     /// point of a group is below this limit, and a launch has its part of `min_samples`, the launch stops sampling the

@@ -20,8 +20,8 @@ pub(super) const MOST_LAUNCHES: i64 = 100;
 /// The largest number of samples of a point.
 pub(super) const MOST_SAMPLES: i64 = 1_000_000;
 
-/// Returns the experiment that `wire` (the values read from the config) describes. Makes all checks that need
-/// no device.
+/// Returns the experiment that `wire` (the values read from the config) describes. Makes all checks that need neither a
+/// device nor a loaded scene.
 pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> Result<Experiment> {
     let mut scenes = scenes::expand(document, &wire, path)?;
     let local_sizes = local_sizes(document, &wire.local_sizes)?;
@@ -31,9 +31,9 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
         let error = document.error(0..0, "there is nothing to measure", "no strategy and no baseline");
         return Err(error.with_help("add strategies = [\"naive\"]; `raycl strategies` lists the presets"));
     }
-    // A scene that is too large for a tree is refused only if it is the only scene. If the experiment has
-    // other scenes too, the points of the large scene are recorded as infeasible, and the other scenes are
-    // measured.
+    // A scene that is too large for a tree is refused only if nothing else can be measured: if it is the only scene,
+    // every strategy needs a tree, and there is no baseline. Otherwise, the points that need a tree of this scene are
+    // recorded as infeasible, and the other points are measured.
     if let ([scene], []) = (&mut scenes[..], &baselines[..])
         && strategies.iter().all(|named| named.strategy.needs_tree())
     {

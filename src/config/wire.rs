@@ -34,9 +34,9 @@ pub struct Experiment {
     /// Measure all scenes in the same rounds, so that their times can be compared [default: false].
     #[serde(default)]
     pub compare_scenes: bool,
-    /// Words that select devices: a part of a device's, platform's or vendor's name, the label of one of several
-    /// devices with the same name (`raycl devices` shows it), a kind (cpu, gpu, accelerator), or all [default: the
-    /// device that RAYCL_DEVICE or the user's settings file names, else all].
+    /// Words that select devices, such as "all", a kind ("cpu", "gpu", "accelerator"), or a part of the name of a
+    /// device, platform or vendor; docs/experiments.md lists all forms of a word [default: the device that
+    /// RAYCL_DEVICE or the user's settings file names, else all].
     #[schemars(with = "Option<Vec<String>>", length(min = 1))]
     pub devices: Option<Spanned<Vec<Spanned<String>>>>,
     /// Widths and heights in pixels: 512 for a square, or [800, 500].
@@ -126,15 +126,16 @@ pub struct Timing {
     /// Smallest number of samples of a point, unless `time_limit_ms` ends the sampling earlier [default: 10].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub min_samples: Option<Spanned<i64>>,
-    /// Largest number of samples of a point [default: 100]. Each launch takes an equal part of a point's
-    /// samples, usually at least five samples.
+    /// Largest number of samples of a point, divided equally among the launches [default: 100]. A launch whose part
+    /// is less than five may take five samples (or `max_samples`, if that is less than five), so a point may get
+    /// more than `max_samples`.
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub max_samples: Option<Spanned<i64>>,
     /// Time limit in milliseconds for the samples of a point, averaged over the points of its group [default: 5000].
     #[schemars(with = "Option<f64>", range(min = 1, max = 1e8))]
     pub time_limit_ms: Option<Spanned<f64>>,
-    /// Seed of two random orders: the order of the groups of points in a launch, and the order of the points
-    /// in a round [default: 1].
+    /// Seed of two random orders: the order of the groups of points in each launch after the first, and the order
+    /// of the points in a round [default: 1].
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
     /// Limit of the relative standard deviation (standard deviation divided by mean) of a point's samples [default:

@@ -1,14 +1,15 @@
 //! Queries an OpenCL device for its properties, and reads the answers as raw bytes. A failed query, or an
-//! answer of an impossible length, makes the device unusable, but does not stop raycl.
+//! answer of an impossible length, makes the device unusable, but does not stop raycl. There is one exception: if
+//! the query HostUnifiedMemory fails, the device stays usable.
 
 use super::direct::{device_answer, one_line};
 use super::limits::native_width;
 use super::{DeviceLimits, LaneOperations};
 use ocl::core::DeviceInfo as Query;
 
-/// The reasons why a device is unusable if its driver lacks a feature. `TOO_OLD` and `UNREADABLE` contain
-/// only the beginning of a reason's text. If a device's driver lacks a feature that raycl needs, raycl can
-/// use the device only with another driver.
+/// The reasons for which a device stays unusable until it gets another driver: the driver lacks a feature that raycl
+/// needs, or its version of OpenCL cannot be read. `TOO_OLD` and `UNREADABLE` contain only the beginning of a reason's
+/// text.
 const NO_COMPILER: &str = "its driver has no compiler for OpenCL C";
 const NO_TIMES: &str = "its queues cannot time kernels (no profiling)";
 const NO_GROUPS: &str = "its driver reports that a work-group can have at most 0 work-items";
@@ -26,7 +27,7 @@ pub(super) fn may_be_usable_soon(reason: &str) -> bool {
 }
 
 /// Returns why raycl cannot use a device with the OpenCL version `version` (such as "OpenCL 1.1 A Driver");
-/// `None` if raycl can use the device.
+/// `None` if this version is new enough.
 fn unsuitable_version(version: &str) -> Option<String> {
     match numbers_of(version) {
         None => Some(format!("{UNREADABLE}: '{version}'")),
@@ -86,7 +87,7 @@ impl Asked {
             return self.failure;
         }
         let reasons = [
-            (available, "its driver says that it is not available"),
+            (available, "its driver says that the device is not available"),
             (compiler, NO_COMPILER),
             (profiling, NO_TIMES),
             (groups, NO_GROUPS),
@@ -107,7 +108,8 @@ impl Asked {
     }
 
     /// Returns true if the answer to a query is a number other than 0. If the query fails, returns false, and
-    /// the device stays usable: OpenCL 2 has deprecated the query HostUnifiedMemory.
+    /// the device stays usable. The function is only for queries that a driver may reject, such as
+    /// HostUnifiedMemory, which OpenCL 2 has deprecated.
     fn has(&self, query: Query) -> bool {
         let answer = device_answer(self.device, query as u32).unwrap_or_default();
         parse_numbers(&answer).first().is_some_and(|number| *number != 0)
@@ -183,7 +185,7 @@ mod tests {
             assert_eq!(unsuitable_version(version), Some(expected.clone()));
             assert!(!may_be_usable_soon(&expected) && !may_be_usable_soon(old));
         }
-        assert!(may_be_usable_soon("its driver says that it is not available"));
+        assert!(may_be_usable_soon("its driver says that the device is not available"));
     }
 
     #[test]

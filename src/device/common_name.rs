@@ -1,11 +1,11 @@
 //! Derives the names under which people know devices, such as "AMD EPYC 9B45, PoCL" for the device that PoCL
-//! calls "cpu-znver4-AMD EPYC 9B45 96-Core Processor". Files that raycl writes for other programs keep the
-//! driver's names.
+//! calls "cpu-znver4-AMD EPYC 9B45 96-Core Processor". In this file, *the driver's name* of a device is the name that
+//! the driver gives to the device. Files that raycl writes for other programs keep the driver's names.
 
 use std::collections::HashMap;
 
-/// The beginnings of the names that PoCL gives to CPUs. LLVM's name of the processor's type follows this
-/// beginning, such as `znver4` in `cpu-znver4-AMD EPYC`.
+/// The beginnings of the names that PoCL gives to CPUs. Such a beginning is followed by LLVM's name of the processor's
+/// type, such as `znver4` in `cpu-znver4-AMD EPYC`.
 const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-", "tbb-"];
 
 /// Returns the name under which people know a device. The name is derived from the driver's name alone, because stored
@@ -30,8 +30,8 @@ pub fn both_names(name: &str) -> String {
     if common == name { common } else { format!("{common} ({name})") }
 }
 
-/// Returns the common name of each device. If several devices have the same common name, the function returns
-/// the driver's name for each of these devices.
+/// Returns a map from each name in `names` (the names that drivers give to devices) to the common name. If different
+/// names in `names` have the same common name, the map contains each of these names itself in place of the common name.
 pub fn common_names<'a>(names: impl Iterator<Item = &'a str>) -> HashMap<&'a str, String> {
     let mut all: HashMap<&str, String> = names.map(|name| (name, common_name(name))).collect();
     let mut counts: HashMap<String, usize> = HashMap::new();
@@ -52,8 +52,8 @@ fn model(rest: &str) -> String {
     parts[first..].join("-")
 }
 
-/// Returns a model's name without trademark signs, clock rate, number of cores and the word `Processor`. In names of
-/// Intel, the word `CPU` is removed, too.
+/// Returns a model's name without trademark signs, clock rate, number of cores and the word `Processor`. If the name
+/// begins with `Intel`, the word `CPU` is removed, too.
 fn plain(name: &str) -> String {
     let without_marks = ["(R)", "(r)", "(TM)", "(tm)", "®", "™"]
         .iter()
@@ -79,7 +79,7 @@ mod tests {
             ("cpu-x86-64-v3-Common KVM processor", "Common KVM processor, PoCL"),
             ("pthread-cortex-a72", "cortex-a72, PoCL"),
             ("cpu-alderlake-13th Gen Intel(R) Core(TM) i7-1360P", "13th Gen Intel Core i7-1360P, PoCL"),
-            // Names that Intel's driver gives to CPUs, and names of GPUs.
+            // Names that Intel's driver gives to CPUs, names of GPUs, and the name of the host in records.
             ("Intel(R) Xeon(R) Platinum 8481C CPU @ 2.70GHz", "Intel Xeon Platinum 8481C"),
             ("Intel(R) UHD Graphics 770", "Intel UHD Graphics 770"),
             ("NVIDIA H200", "NVIDIA H200"),

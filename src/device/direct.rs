@@ -1,5 +1,6 @@
-//! Calls functions of OpenCL without the crate `ocl`. The crate `ocl` panics at a status that it does not
-//! know, takes a failed build without messages for a success, and loses messages that are not UTF-8.
+//! Calls functions of OpenCL directly instead of through the wrappers of the crate `ocl`. These wrappers panic at a
+//! status that they do not know, take a failed build without messages for a success, and lose messages that are not
+//! UTF-8.
 
 use super::errors::{CallError, compiler_log};
 use super::panics::noted;
@@ -34,7 +35,7 @@ type SubGroupInfo = unsafe extern "system" fn(
 /// The text that raycl shows if the compiler rejects a program without a message.
 const UNEXPLAINED: &str = "the compiler rejects the program without a message";
 
-/// The OpenCL statuses that raycl's messages name. Messages show all statuses outside `NAMED` as numbers.
+/// The OpenCL statuses that [`returned`] names in a message. [`returned`] shows every other status only as a number.
 const NAMED: [Status; 24] = [
     Status::CL_DEVICE_NOT_FOUND,
     Status::CL_DEVICE_NOT_AVAILABLE,
@@ -118,13 +119,13 @@ pub fn platform_text(platform: Platform, query: u32) -> Result<String, String> {
     answer(ask).map(|bytes| one_line(&bytes)).map_err(|status| returned("clGetPlatformInfo", status))
 }
 
-/// Returns the number of work-items in the sub-groups of a kernel that is started with this local size. Returns `None`
-/// if the driver does not say.
+/// Returns the number of work-items in the largest sub-group of a kernel that is started with this local size. Returns
+/// `None` if the driver does not report the number.
 pub fn sub_group_size(device: Device, kernel: &Kernel, local_size: [usize; 2]) -> Option<usize> {
     sub_group_size_by(sub_group_info(device)?, device.as_core().as_raw(), kernel.as_ptr(), local_size)
 }
 
-/// Returns the answer of the driver's function `info` to [`sub_group_size`].
+/// Like [`sub_group_size`]. `info` is the driver's function that answers the query.
 fn sub_group_size_by(
     info: SubGroupInfo,
     device: ffi::cl_device_id,
@@ -139,7 +140,8 @@ fn sub_group_size_by(
 }
 
 /// Returns the function that answers queries about sub-groups. Returns `None` if the device does not list the
-/// function's extension: loaders return a function even if the driver has none, and this function crashes (PoCL 3.1).
+/// function's extension. (PoCL 3.1 lacks the extension. Loaders nevertheless return a function for PoCL 3.1, and this
+/// function crashes.)
 fn sub_group_info(device: Device) -> Option<SubGroupInfo> {
     let extensions = one_line(&device_answer(device, ffi::CL_DEVICE_EXTENSIONS).ok()?);
     if !extensions.split(' ').any(|extension| extension == SUB_GROUPS) {
@@ -219,9 +221,10 @@ fn build_answer(program: &ocl::core::Program, device: Device, query: u32) -> Opt
     .ok()
 }
 
-/// Returns the answer to a query, or the status of a query that failed. `ask` calls OpenCL. The parameters of
-/// `ask` are the size in bytes of the memory for the answer, a pointer to this memory (or null), and a
-/// pointer to which OpenCL writes the answer's size (or null).
+/// Returns the answer to a query, or the status of a query that failed. An answer of more than `LARGEST_BYTES` bytes is
+/// treated like the status `CL_OUT_OF_HOST_MEMORY`. `ask` calls OpenCL. The parameters of `ask` are the size in bytes
+/// of the memory for the answer, a pointer to this memory (or null), and a pointer to which OpenCL writes the answer's
+/// size (or null).
 fn answer(ask: impl Fn(usize, *mut c_void, *mut usize) -> i32) -> Result<Vec<u8>, i32> {
     let checked = |status| if status == 0 { Ok(()) } else { Err(status) };
     let mut size = 0;

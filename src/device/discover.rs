@@ -1,5 +1,5 @@
-//! Finds OpenCL devices. raycl queries every property of a device once, as raw bytes, so that an unexpected
-//! answer makes a device unusable but does not stop raycl.
+//! Finds OpenCL devices. raycl reads a device's answers to queries as raw bytes, so that an unexpected answer can make
+//! the device unusable, but does not stop raycl.
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
@@ -252,8 +252,8 @@ fn platform_count() -> Result<u32> {
     }
 }
 
-/// Sets each device's `twins_before`: the number of devices before it in the list with the same platform and
-/// name.
+/// Sets each device's `twins_before`: the number of devices that come before it in the list and have the same platform
+/// and name, as [`DeviceInfo::slug`] spells them (without capital letters and special characters).
 fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut seen: HashMap<String, usize> = HashMap::new();
     for device in devices {

@@ -56,7 +56,7 @@ impl Driver {
     }
 }
 
-/// Returns every driver that is installed or named in the environment.
+/// Returns every driver that an OpenCL loader would start in the environment of this process.
 pub fn installed() -> Vec<Driver> {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let usual = set(USUAL_FOLDER).unwrap_or_else(|| VENDORS.into());

@@ -26,7 +26,7 @@ pub fn may_pass(status: Status) -> bool {
 pub struct CallError {
     /// The function and its status, or the compiler's messages.
     pub message: String,
-    /// The status of the call; `None` if the status is unknown, or if the compiler rejected a program.
+    /// The status of the call; `None` if no status is known, for example because the compiler rejected a program.
     pub status: Option<Status>,
 }
 

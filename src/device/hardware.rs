@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct Hardware {
     /// Compute capability, such as "9.0", which is queried with the extension cl_nv_device_attribute_query.
     pub compute_capability: Option<String>,
-    /// The highest clock that the driver reports.
+    /// The device's highest clock rate in MHz, as the driver reports it.
     pub max_clock_mhz: Option<u64>,
     /// Resolution of the timer with which the driver times kernels.
     pub timer_resolution_ns: Option<u64>,

@@ -355,7 +355,7 @@ mod tests {
             is_lasting(&infos(unusable), &owned(empty), &owned(hardware))
         };
         assert!(lasts(None, &[], &["nvidia0"]));
-        assert!(!lasts(Some("its driver says that it is not available"), &[], &[]));
+        assert!(!lasts(Some("its driver says that the device is not available"), &[], &[]));
         assert!(lasts(Some("its driver has no compiler for OpenCL C"), &[], &[]));
         let nvidias = |hardware: &str| lasts(None, &["NVIDIA CUDA"], &[hardware]);
         assert!(!nvidias("nvidia0") && nvidias("renderD128") && nvidias("nvidia0 (may not be used)"));
@@ -375,7 +375,7 @@ mod tests {
         };
         store(&cache, "lasting", &survey, &[]);
         assert_eq!(time("lasting"), None);
-        survey.devices[0].info.unusable = Some("its driver says that it is not available".to_owned());
+        survey.devices[0].info.unusable = Some("its driver says that the device is not available".to_owned());
         store(&cache, "brief", &survey, &[]);
         assert!(time("brief").is_some_and(|time| time <= now()));
         // A driver that failed may list its devices soon.
