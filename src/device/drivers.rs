@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 /// The folder whose .icd files OpenCL loaders read by default.
 pub(super) const VENDORS: &str = "/etc/OpenCL/vendors";
-/// The environment variable that names what OpenCL loaders read instead of `VENDORS`: a folder of .icd files,
-/// a single .icd file, or the library of a driver.
+/// The environment variable that names a folder of .icd files, which OpenCL loaders read instead of `VENDORS`.
+/// In some loaders, such as ocl-icd, the variable may also name a single .icd file or the library of a driver.
 const FOLDER: &str = "OCL_ICD_VENDORS";
-/// The environment variable that names a folder of .icd files to be read instead of `VENDORS`. Loaders read
-/// this variable if `OCL_ICD_VENDORS` is not set.
+/// The environment variable that names a folder of .icd files, which some loaders, such as ocl-icd, read instead
+/// of `VENDORS` if `OCL_ICD_VENDORS` is not set.
 const USUAL_FOLDER: &str = "OPENCL_VENDOR_PATH";
 /// The environment variable that names the libraries of further drivers.
 pub const LIBRARIES: &str = "OCL_ICD_FILENAMES";
