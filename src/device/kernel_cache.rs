@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 /// The environment variable that names PoCL's folder for compiled kernels.
 const FOLDER: &str = "POCL_CACHE_DIR";
-/// The value of `POCL_CACHE_DIR` if PoCL may use no folder. /dev/null is not a folder, so nobody can create a
-/// folder in it, and PoCL lists no device.
+/// The value that raycl gives to `POCL_CACHE_DIR` if PoCL can use none of the folders that raycl tries. /dev/null is
+/// not a folder, so nobody can create a folder in it, and PoCL lists no device.
 const NO_FOLDER: &str = "/dev/null/no-folder-for-pocl";
 /// A disk with less free space than this number of bytes counts as full. PoCL usually writes some hundred KiB
 /// for each program.
@@ -17,27 +17,29 @@ const ROOM_BYTES: u64 = 1 << 20;
 /// for each program.
 const ROOM_FILES: u64 = 16;
 
-/// Returns the environment variables for PoCL's folder of compiled kernels, which raycl must set before a
-/// driver is loaded. If PoCL cannot or must not use its default folder, the variables name a private folder
-/// in the system's folder of temporary files instead. If PoCL can use none of the folders that raycl tries,
-/// the environment variables name a folder that cannot exist, so that PoCL lists no device. Returns no
-/// variables on systems other than Unix, if the user has set `POCL_CACHE_DIR` to a text that is not empty, or
-/// if `POCL_CACHE_DIR` is not set and PoCL can use its default folder.
+/// Returns `POCL_CACHE_DIR` and the value that raycl must give to this variable before a driver is loaded. The value
+/// is PoCL's default folder or, if PoCL cannot or must not use this folder, a private folder in the system's folder of
+/// temporary files. If PoCL cannot use the private folder either, the value is the default folder, which raycl makes
+/// as a private folder. If PoCL can use none of these folders, the value is a folder that cannot exist, so that PoCL
+/// lists no device.
+///
+/// Returns no variable in three cases: on systems other than Unix; if the user has set `POCL_CACHE_DIR` to a text
+/// that is not empty; or if `POCL_CACHE_DIR` is not set and PoCL can use its default folder.
 pub fn cache_variables() -> Vec<(&'static str, String)> {
     if cfg!(not(unix)) || named().is_some() {
         return Vec::new();
     }
     let is_fit = |folder: &PathBuf| why_unfit(folder).is_none();
     let default = default_folder().filter(is_fit);
-    // PoCL ends the process if `POCL_CACHE_DIR` is set, but empty. If the user has set the variable to an
-    // empty text, raycl sets it to PoCL's default folder.
+    // PoCL ends the process if `POCL_CACHE_DIR` is set, but empty. raycl therefore replaces an empty text, even if
+    // PoCL can use its default folder.
     if default.is_some() && std::env::var_os(FOLDER).is_none() {
         return Vec::new();
     }
     let other = || temporary().map(|folder| folder.join("pocl")).filter(is_fit);
-    // Everybody may write into some volumes of containers. If PoCL's default folder lies in a volume into
-    // which everybody may write, the default folder must be private. If the folder of temporary files cannot
-    // be used either, raycl itself makes PoCL's default folder, as a private folder.
+    // PoCL's default folder may lie in a container's volume into which everybody may write. If the folder of temporary
+    // files cannot be used either, raycl itself makes the default folder, as a folder into which only the user may
+    // write.
     let made =
         || default_folder().filter(|folder| folder.is_absolute()).and_then(private_in_shared).filter(is_fit);
     let folder = default.or_else(other).or_else(made);
@@ -79,7 +81,7 @@ fn cache_advice_on(folder: &Path) -> Option<String> {
     })
 }
 
-/// Returns the advice if PoCL can use neither its default folder nor the user's private folder in the
+/// Returns the advice for the case that PoCL can use neither its default folder nor the user's private folder in the
 /// system's folder of temporary files.
 fn no_folder_advice(default: Option<&Path>, temporary: Option<&Path>) -> String {
     let reason = |folder: &Path| {
@@ -106,7 +108,7 @@ pub fn folder_advice() -> Option<String> {
     advice_for(&room(&folder)?, &folder)
 }
 
-/// Returns the advice if the file system of PoCL's folder is mounted with the option noexec.
+/// Returns the advice for the case that the file system of PoCL's folder is mounted with the option noexec.
 fn noexec_advice(folder: &Path) -> String {
     format!(
         "the file system of PoCL's folder for compiled kernels, '{}', is mounted with the option noexec, so PoCL can run no \
@@ -163,9 +165,9 @@ fn room(_: &Path) -> Option<Room> {
     None
 }
 
-/// Returns true if no program can be run from a folder, or from its nearest ancestor that exists, because the
-/// file system is mounted with the option noexec. PoCL's compiled kernels are shared libraries, which cannot
-/// be loaded from a file system with the option noexec.
+/// Returns true if no program can be run from a folder, because the folder's file system is mounted with the option
+/// noexec. If the folder does not exist, examines the file system of its nearest ancestor that exists. PoCL's compiled
+/// kernels are shared libraries, which cannot be loaded from a file system with the option noexec.
 #[cfg(target_os = "linux")]
 fn is_noexec(folder: &Path) -> bool {
     use crate::cache::existing_ancestor;

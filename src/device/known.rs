@@ -26,9 +26,8 @@ const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
 /// The text that raycl adds to the name of an accelerator that this process may not use.
 const FORBIDDEN: &str = " (may not be used)";
 /// Platforms whose drivers list every accelerator of a vendor. Each pair contains a part of the platform's
-/// name, and the beginning of the system's names for the vendor's accelerators. The drivers of other
-/// platforms list only devices that the user names (as rusticl does), or list no platform if the driver has
-/// no device.
+/// name, and the beginning of the system's names for the vendor's accelerators. Other drivers of accelerators list
+/// only devices that the user names (as rusticl does), or list no platform if they find no device.
 const LISTED_BY: [(&str, &str); 2] = [("nvidia", "nvidia"), ("amd accelerated parallel processing", "kfd")];
 /// The time for which raycl uses a stored list of devices that may soon change. If raycl never used a list
 /// that may soon change, every process would start all drivers and query all devices, even while another
@@ -46,9 +45,9 @@ struct Entry {
 }
 
 /// Returns the device whose index `choose` returns; `None` if `choose` picks no device. Uses the stored list
-/// of devices if drivers and environment are unchanged and the chosen device still reports the same
-/// properties. If the stored list cannot be used, lists all devices again. `lane_test` says when the lane
-/// operations (how work-items exchange values) of the newly listed devices are tested.
+/// of devices if nothing in the list's key has changed, if the list is not too old, and if the chosen device still
+/// reports the same properties. If the stored list cannot be used, lists all devices again. `lane_test` says when the
+/// lane operations (how work-items exchange values) of the newly listed devices are tested.
 ///
 /// # Errors
 ///
@@ -73,8 +72,8 @@ pub fn pick_one(
     chosen(devices, sources, lane_test, choose)
 }
 
-/// Returns the device whose index `choose` returns. If `lane_test` is `Now` but the first test of the
-/// device's lane operations (how work-items exchange values) failed, repeats the test and returns its error.
+/// Returns the device whose index `choose` returns. If `lane_test` is `Now` but the device's lane operations (how its
+/// work-items exchange values) are still untested, tests them again. If this test fails, returns the test's error.
 fn chosen(
     devices: Vec<Device>,
     sources: &Sources,
@@ -89,9 +88,9 @@ fn chosen(
     Ok(chosen)
 }
 
-/// Lists all devices, and stores the list for [`pick_one`] in this and other processes. The lane operations of a device
-/// (how its work-items exchange values) stay untested if one of the user's kernel files causes an error on this device;
-/// [`Device::test_lanes`] then returns the error.
+/// Lists all devices, and tests their lane operations (how their work-items exchange values). The lane operations of a
+/// device stay untested if one of the user's kernel files causes an error on this device; [`Device::test_lanes`] then
+/// returns the error. If no device stays untested, stores the list for [`pick_one`] in this and other processes.
 pub fn list(cache: &Cache, sources: &Sources) -> Result<Vec<Device>> {
     listed(cache, &key(sources)?, sources, LaneTest::Now)
 }
@@ -155,13 +154,13 @@ fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[Stri
     !recovers && !empty_platforms.iter().any(lacks)
 }
 
-/// Returns the key under which the list of devices is stored: a text of everything that affects the list. The
-/// list's key contains raycl's version, the drivers' files, the drivers' variables, and a hash of the kernel
-/// that tests how work-items exchange values. The list's key also contains the number of cores that the
-/// process may use, and the names of the accelerators that the system shows. Names of accelerators that the
-/// process may not use have a note. The list's key also contains an identifier of the system's latest start,
-/// since a driver that fails may list its devices after the next start. For example, NVIDIA's driver fails
-/// after an update, until the system is started again.
+/// Returns the key under which the list of devices is stored: a text of everything that affects the list. The list's
+/// key contains raycl's version, the paths and texts of the drivers' .icd files, the drivers' variables, and a hash of
+/// the kernel that tests how work-items exchange values. The list's key also contains the number of cores that the
+/// process may use, and the names of the accelerators that the system shows. Names of accelerators that the process
+/// may not use have a note. The list's key also contains an identifier of the system's latest start, since a driver
+/// that fails may list its devices after the next start. For example, NVIDIA's driver fails after an update, until the
+/// system is started again.
 fn key(sources: &Sources) -> Result<String> {
     let vendors = vendor_paths(|name| std::env::var_os(name));
     // Systems other than Linux do not have the file `BOOT`, so their stored lists stay valid after the next

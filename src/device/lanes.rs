@@ -1,5 +1,5 @@
 //! Finds out how the 32 work-items that share a tile can exchange values. On a GPU, a test on the device
-//! shows whether an implementation works. On a CPU, raycl always uses barriers, and tests nothing.
+//! shows whether an implementation of the exchange works. On a CPU, raycl always uses barriers, and tests nothing.
 
 use super::errors::CallError;
 use super::panics::{caught, forget_failures};
@@ -57,9 +57,9 @@ const PROBE: &str = "probe/lanes.cl";
 /// The result of testing an implementation of lane operations on a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Trial {
-    /// All values that the test's kernel wrote are right.
+    /// All answers of the test's kernel are right.
     Right,
-    /// Some values that the test's kernel wrote are wrong.
+    /// Some answers of the test's kernel are wrong or missing.
     Wrong,
     /// The driver refuses the test's kernel, with this message.
     Refused(String),
@@ -132,9 +132,9 @@ pub(super) fn probe(sources: &Sources) -> Result<(String, Vec<String>)> {
 /// implementation could not be tested. `try_out` tests an implementation with the given source of the test's
 /// kernel.
 ///
-/// Returns an error if an implementation of lane operations works with raycl's own kernel files, but not with
-/// the user's files. If raycl ignored a mistake in a user's file, raycl would select another implementation,
-/// whose code does not contain the user's change.
+/// Returns an error if an implementation of lane operations works with raycl's own kernel files, but not with the
+/// user's files. If raycl ignored a mistake in a user's file, raycl would select a slower implementation without
+/// saying why.
 fn fastest(
     hinted: &[LaneOperations],
     sources: &Sources,
@@ -207,7 +207,7 @@ fn try_out(
     platform: ocl::Platform,
     device: ocl::Device,
 ) -> Trial {
-    // If the driver panics in this test, the panic is caught, so that raycl can still use other devices.
+    // If the crate `ocl` panics in this test, the panic is caught, so that raycl can still use other devices.
     let asked = caught(|| ask(operations, source, info, platform, device));
     forget_failures();
     judged(asked)

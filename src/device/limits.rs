@@ -3,7 +3,7 @@
 use super::LaneOperations;
 use serde::{Deserialize, Serialize};
 
-/// The limits of a device and its main properties. The device's driver reports most of them. An experiment can replace
+/// The limits and the main properties of a device. The device's driver reports most of them. An experiment can replace
 /// some limits by those of a smaller device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceLimits {
@@ -44,7 +44,7 @@ pub struct DeviceLimits {
     pub lane_operations: LaneOperations,
 }
 
-/// Number of work-items in a work-group of a kernel that supports work-groups of any size.
+/// The usual number of work-items in a work-group of a kernel that supports work-groups of any size.
 const USUAL_GROUP: usize = 64;
 
 impl DeviceLimits {

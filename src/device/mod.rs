@@ -223,8 +223,9 @@ impl DeviceInfo {
         if self.limits.is_cpu { self.twins_before } else { 0 }
     }
 
-    /// Returns a text that names what, besides its source and options, may affect the compiled code of a program: the
-    /// device, its driver, and the driver's variables, except those that certainly do not affect compiled code.
+    /// Returns a text that names what may affect the compiled code of a program, besides the program's source and
+    /// options: the device, its driver, and the driver's variables, except those that certainly do not affect compiled
+    /// code.
     pub fn compiler(&self) -> String {
         let settings = self.settings.iter().filter(|setting| variables::compiles(setting)).cloned();
         std::iter::once(self.model()).chain(settings).collect::<Vec<_>>().join(" | ")
@@ -276,8 +277,8 @@ impl DeviceInfo {
     }
 
     /// Returns true if the device's driver can return a compiled program's binary without compiling again.
-    /// PoCL would compile every kernel again to return a binary, since PoCL otherwise compiles a kernel only
-    /// when the kernel starts and its local size is known.
+    /// PoCL cannot: PoCL usually compiles a kernel when the kernel starts, for the kernel's local size. To return a
+    /// binary, PoCL would compile every kernel once more.
     pub fn has_binaries_at_hand(&self) -> bool {
         !is_pocl(&self.platform)
     }

@@ -1,5 +1,6 @@
-//! Computes how many work-groups a multiprocessor of an NVIDIA GPU holds at the same time, as Figure 5 of the
-//! student paper that raycl reproduces does for one GPU. Supports the compute capabilities in `table.rs`.
+//! Computes how many work-groups a multiprocessor of an NVIDIA GPU holds at the same time. For one GPU, Figure 5 of the
+//! student paper that raycl reproduces predicts how many threads a multiprocessor holds. Supports the compute
+//! capabilities in `table.rs`.
 
 mod table;
 
@@ -49,7 +50,7 @@ impl std::fmt::Display for Limiter {
 }
 
 impl Limiter {
-    /// Returns the limit in words that follow a number of threads, such as "limited by registers".
+    /// Returns the limit in words for pages and tables, such as "limited by registers".
     pub fn words(&self) -> String {
         match self {
             Self::CannotLaunch(_) => self.to_string(),
@@ -67,7 +68,7 @@ pub struct Occupancy {
     pub warps: u64,
     /// The number of threads that the multiprocessor holds.
     pub threads: u64,
-    /// The number of resident warps divided by the hardware's largest number, from 0 to 1.
+    /// The number of warps that the multiprocessor holds, divided by the largest number of warps that it can hold.
     pub fraction: f64,
     /// The limit that prevents more work-groups. If several limits prevent more work-groups, `limiter` is the
     /// first of these limits in the order of [`Limiter`].

@@ -1,6 +1,6 @@
-//! Turns panics of the crate `ocl` into errors of the command. The crate `ocl` panics if OpenCL returns a
-//! status that the crate does not know, and if an OpenCL object cannot be freed. After a driver has broken
-//! down, no OpenCL object can be freed. Without this module, the panic when an object is freed would hide the
+//! Turns panics of the crate `ocl` into errors of a command, or of a call of the library. The crate `ocl` panics if
+//! OpenCL returns a status that the crate does not know, and if an OpenCL object cannot be freed. After a driver has
+//! broken down, no OpenCL object can be freed. Without this module, the panic when an object is freed would hide the
 //! error that broke the driver, and a second panic would abort the process.
 
 use super::DeviceInfo;
@@ -13,7 +13,7 @@ use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, s
 use std::sync::{Mutex, MutexGuard, Once, OnceLock};
 
 /// The advice to a user if a driver breaks down in a program that uses raycl as a library.
-const BROKEN_IN_LIBRARY: &str = "the driver, or its device, may be broken: try again, or open another device (`raycl devices` lists them)";
+const BROKEN_IN_LIBRARY: &str = "the driver, or its device, may be broken: try again, or open another device (`raycl devices` lists all devices)";
 /// The advice to a user if a driver breaks down in a command of raycl.
 const BROKEN: &str = "the driver, or its device, may be broken: run the command again; `raycl devices` lists all devices, and --device chooses one";
 
@@ -21,7 +21,8 @@ const BROKEN: &str = "the driver, or its device, may be broken: run the command 
 struct Known {
     /// The devices that this process has opened.
     devices: Vec<String>,
-    /// The latest error that OpenCL returned; `None` if OpenCL returned no error.
+    /// The latest error that OpenCL returned; `None` if OpenCL returned no error, or if this process has handled the
+    /// latest error and gone on.
     failure: Option<String>,
 }
 
@@ -64,8 +65,7 @@ pub(crate) fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, Error> {
 }
 
 /// Sets a panic hook that stores the message of a panic of the crate `ocl` if [`caught`] catches this panic.
-/// All other panics reach the hook that the program has set before. Only the first call of this function has
-/// an effect.
+/// All other panics reach the hook that the program has set before. Further calls do not set the hook again.
 fn hide_caught_panics() {
     static SET: Once = Once::new();
     // `set_hook` panics if the calling thread is panicking.
@@ -133,9 +133,9 @@ pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     result.map_err(|panic| message.unwrap_or_else(|| resume_unwind(panic)))
 }
 
-/// Stores the message of a panic, and returns true, if [`caught`] catches the panic. Returns false outside
-/// `caught`, and for a second panic inside `caught`. The second panic happens while the unwinding of the
-/// first panic frees OpenCL objects, and Rust would abort the process.
+/// Stores the message of a panic, and returns true, if [`caught`] catches the panic. Returns false outside `caught`,
+/// and for a second panic inside `caught`. The second panic happens while the first panic unwinds and OpenCL objects
+/// are freed. After the second panic, the process ends: the hook of [`report_panics`] ends it, or Rust aborts it.
 fn is_caught(message: &str) -> bool {
     CAUGHT.with_borrow_mut(|caught| match caught {
         Some(first @ None) => {

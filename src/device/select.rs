@@ -11,14 +11,14 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 /// Returns the usable devices that match the patterns of `--device`, each device once, in the order of the
 /// patterns. Without patterns, returns every usable device.
 ///
-/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of one of these texts: a platform's name, or a
-/// device's name, common name or vendor. A pattern that consists of digits matches a text only if the digits are a
+/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of one of these texts: a platform's name, or
+/// a device's name, common name or vendor. A pattern that consists of digits matches a text only if the digits are a
 /// whole number in the text: `1` does not select an `H100`. The pattern `pocl` also matches every device of PoCL. A
-/// pattern can also be whole words of the platform's version with a dotted number, such as `pocl 3.1`, or a device's
-/// whole name for files (`slug`). If several devices have the same name, each device's label is its name for files. The
-/// case of letters does not matter. A pattern that matches no usable device is a user error. A mistake in a kernel file
-/// of the user is a user error, too, if a selected device fails the test of its lane operations because of this
-/// mistake.
+/// pattern can also be whole words of the platform's version, if one of the words has a dot, such as `pocl 3.1`. A
+/// pattern can also be a device's whole name for files (`slug`); if several devices have the same name, the label of
+/// each of these devices is its name for files. The case of letters does not matter. A pattern that matches no usable
+/// device is a user error. A mistake in a kernel file of the user is a user error, too, if a selected device fails the
+/// test of its lane operations because of this mistake.
 pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Result<Vec<Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     let indices = selected(&infos, patterns)?;
@@ -27,13 +27,13 @@ pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Res
     Ok(chosen)
 }
 
-/// Returns the index of the usable device on which raycl casts if the user names no device. GPUs come before
-/// CPUs, CPUs before accelerators (some of which a driver only emulates on a CPU), and accelerators before
-/// devices of other kinds. GPUs with memory of their own come before GPUs that share the host's memory, since
-/// vendors count different things as compute units. Among GPUs of the same kind of memory, GPUs with a
-/// vendor's driver come before GPUs with PoCL's or Mesa's driver. Among devices that are still equal, the
-/// device with the most compute units comes first. Of devices with equally many compute units, the first in
-/// `infos` is chosen. Returns `None` if no device is usable.
+/// Returns the index of the usable device on which raycl casts if the user names no device. GPUs come before CPUs,
+/// CPUs before accelerators (some of which a driver only emulates on a CPU), and accelerators before devices of other
+/// kinds. GPUs with memory of their own come before GPUs that share the host's memory, even if the latter have more
+/// compute units: vendors count different things as compute units. Among GPUs of the same kind of memory, GPUs with a
+/// vendor's driver come before GPUs with PoCL's or Mesa's driver. Among devices that are still equal, the device with
+/// the most compute units comes first. Of devices with equally many compute units, the first in `infos` is chosen.
+/// Returns `None` if no device is usable.
 pub fn default_index(infos: &[DeviceInfo]) -> Option<usize> {
     preferred(&infos.iter().collect::<Vec<_>>())
 }
@@ -90,9 +90,8 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
         "" => false,
         "all" => true,
         kind if KINDS.contains(&kind) => info.kind.name() == kind,
-        // If several devices have the same name, the labels of the later devices begin with the label of the
-        // first device. A part of a label could thus mean several devices, so only a whole label selects a
-        // device.
+        // If several devices of a platform have the same name, the labels of the later devices begin with the label of
+        // the first device. A part of a label could thus mean several devices, so only a whole label selects a device.
         _ => {
             names(info).iter().any(|name| has_part(name, &pattern))
                 || is_of_version(&info.platform_version, &pattern)
@@ -119,9 +118,9 @@ pub(crate) fn has_part(name: &str, pattern: &str) -> bool {
     name.contains(pattern)
 }
 
-/// Returns true if a pattern consists of whole words of a platform's version, and at least one of the words
-/// has a dot, as in `pocl 3.1`. A pattern without such a number does not match a version. Many words in
-/// versions say nothing about the device, such as "None+Asserts" in the version of PoCL.
+/// Returns true if a pattern consists of whole words of a platform's version, and at least one of the words has a dot,
+/// as in `pocl 3.1`. A pattern without a dot does not match a version, since many words in versions say nothing about
+/// the device, such as "None+Asserts" in the version of PoCL.
 fn is_of_version(version: &str, pattern: &str) -> bool {
     let (words, wanted) = (version_words(version), version_words(pattern));
     let has_dot = wanted.iter().any(|word| word.contains('.'));
@@ -141,8 +140,9 @@ fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
 }
 
 /// For a pattern that matches no device, returns the most similar word that would match a device; `None` if
-/// no word is similar. Also returns `None` if the pattern is a kind of device, since a kind is not misspelt, and if
-/// the most similar word is a kind that no device has: the user means this kind, and no other.
+/// no word is similar. Also returns `None` if the pattern is a kind of device, since a kind is not misspelt. Also
+/// returns `None` if the most similar word is a kind that no device has: the user means this kind, so a word that
+/// matches a device would be a wrong suggestion.
 fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let pattern = pattern.trim().to_lowercase();
     if KINDS.contains(&pattern.as_str()) {

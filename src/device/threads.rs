@@ -22,7 +22,7 @@ pub fn sets_threads(name: &str) -> bool {
     COUNTS.contains(&name)
 }
 
-/// Returns true if raycl sets the environment variable with this name when the user has not set the variable.
+/// Returns true for the environment variables about PoCL's threads that raycl may set if the user has not set them.
 pub fn is_set_by_raycl(name: &str) -> bool {
     sets_threads(name) || name == PINNED
 }
@@ -84,8 +84,7 @@ fn processors() -> Vec<usize> {
     own.map_or_else(|_| Vec::new(), |own| (0..CpuSet::MAX_CPU).filter(|number| own.is_set(*number)).collect())
 }
 
-/// Returns the numbers of the processors that the process may run on; an empty list if the system does not
-/// report these numbers.
+/// Returns an empty list: on systems other than Linux, raycl does not query the numbers of the processors.
 #[cfg(not(target_os = "linux"))]
 fn processors() -> Vec<usize> {
     Vec::new()

@@ -120,9 +120,9 @@ const LOGS: [&str; 4] =
 /// contains the variable `POCL_AFFINITY`. The choice of cores affects times, but not the compiled code.
 const PLACES: &str = "POCL_AFFINITY=";
 
-/// Prefixes of the variables that drivers, loaders and the thread library Rayon read, including variables for
-/// caches, for logs and for hiding devices. The `environment.json` of a run contains every variable that is
-/// set and has one of these prefixes.
+/// Prefixes of variables that drivers, loaders and the thread library Rayon read, including variables for caches, for
+/// logs and for hiding devices. The `environment.json` of a run contains every variable that is set and has one of
+/// these prefixes.
 const PREFIXES: [&str; 23] = [
     "AMD_",
     "CL_CONFIG_",
@@ -162,13 +162,13 @@ pub fn compiles(setting: &Setting) -> bool {
     !setting.starts_with(PLACES)
 }
 
-/// Returns every variable of a driver, a loader or Rayon that is set, sorted by name.
+/// Returns every variable that is set and has one of the prefixes in `PREFIXES`, sorted by name.
 pub fn all() -> Vec<Setting> {
     let known = |name: &str| PREFIXES.iter().any(|prefix| name.starts_with(prefix));
     settings(variables(), known)
 }
 
-/// The user's own variables, which were set before raycl set its own variables.
+/// The user's variables that a repeated command needs, as they were before raycl set variables of its own.
 static OF_USER: OnceLock<Vec<Setting>> = OnceLock::new();
 
 /// Returns the variables that must be set to the same values when a user repeats a command, sorted by name.
@@ -266,8 +266,8 @@ mod tests {
 
     #[test]
     fn every_driver_has_all_of_its_variables() {
-        // The lists are those of the sources that the comment on `DRIVERS` names. Where `DRIVERS` has a pattern, a name
-        // that matches it stands here.
+        // The names come from the sources that the comment on `DRIVERS` lists. For each pattern in `DRIVERS` that ends
+        // in `*`, the lists contain one name that matches the pattern.
         let lists = [
             (
                 "Portable Computing Language",

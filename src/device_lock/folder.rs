@@ -23,7 +23,7 @@ pub fn check() -> Result<()> {
     refuse_relative(named_by_user().as_deref())
 }
 
-/// Returns the path in the environment variable; `None` if the variable is not set or empty.
+/// Returns the path in the environment variable [`VARIABLE`]; `None` if the variable is not set or empty.
 fn named_by_user() -> Option<PathBuf> {
     std::env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from)
 }

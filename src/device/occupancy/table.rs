@@ -75,8 +75,8 @@ pub fn capabilities() -> String {
 
 /// Returns the limits of a compute capability, which is written as MAJOR.MINOR. If raycl does not support
 /// this compute capability, the error suggests a supported capability: the one that differs only by its dot
-/// (8.6 for "86") or, if none does, the one with the nearest number. If the text is not a number, the error
-/// says only how to write a compute capability.
+/// (8.6 for "86") or, if none does, the one with the nearest number. If the text is not a number, the
+/// error's advice says only how to write a compute capability.
 pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocessor> {
     let wanted = compute_capability.trim();
     if let Some(sm) = MULTIPROCESSORS.iter().find(|sm| sm.compute_capability == wanted) {
@@ -113,8 +113,9 @@ fn nearest_capability(wished: &str) -> Option<&'static str> {
 mod tests {
     use super::*;
 
-    /// The numbers are those of the table "Technical Specifications per Compute Capability" in NVIDIA's CUDA C++
-    /// Programming Guide, a line for each row of that table. The last two lines are from NVIDIA's occupancy calculator.
+    /// The expected numbers of the last two comparisons are from NVIDIA's occupancy calculator. All other expected
+    /// numbers are rows of the table "Technical Specifications per Compute Capability" in NVIDIA's CUDA C++ Programming
+    /// Guide.
     #[test]
     fn the_limits_are_those_of_nvidias_guide() {
         let names = "2.0, 2.1, 3.0, 3.5, 3.7, 5.0, 5.2, 6.0, 6.1, 7.0, 7.5, 8.0, 8.6, 8.9, 9.0";
