@@ -1,5 +1,5 @@
-//! The folder of the device locks. All users of a machine share this folder, so that their measurements wait for
-//! each other.
+//! The folder of the device locks. On Unix, all users of a machine share this folder by default, so that their
+//! measurements wait for each other.
 
 use crate::error::{Error, Result, cause, limit_advice};
 use crate::existing;
