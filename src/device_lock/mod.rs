@@ -1,6 +1,6 @@
-//! Allows one measurement at a time on a device of this machine. A process holds the device's lock while it
-//! measures times for a report. Without the lock, two simultaneous measurements would slow each other down
-//! unnoticed.
+//! Allows one measurement at a time on a device of this machine. A process that measures times, such as
+//! `raycl run`, meanwhile holds the device's lock. Without the lock, two simultaneous measurements would slow
+//! each other down unnoticed.
 
 mod claim;
 mod folder;
@@ -38,9 +38,9 @@ pub struct Held {
     _claim: Option<Claim>,
 }
 
-/// The number of attempts to lock a file. An attempt fails if the file seems to have been removed meanwhile.
-/// On a file system that changes the inode numbers of its files, a file always seems to have been removed.
-/// The last attempt to lock a file therefore does not check whether the file was removed.
+/// The largest number of attempts to lock a file. An attempt fails if the file seems to have been removed
+/// meanwhile. On a file system that changes the inode numbers of its files, a file always seems to have been
+/// removed. The last attempt to lock a file therefore does not check whether the file was removed.
 pub const LOCK_ATTEMPTS: u32 = 10;
 
 /// What a process reports while it waits for a lock. A process that waits for another of its own threads
@@ -81,7 +81,7 @@ impl Drop for Held {
 
 impl Locks {
     /// Returns the locks in the folder that `RAYCL_LOCK_DIR` names, or else in the shared folder. If `wait` is
-    /// false, a device that is in use causes an error.
+    /// false, taking a lock that another process holds causes an error.
     pub fn of_machine(wait: bool) -> Self {
         Self { folder: Folder::of_machine(), wait }
     }
@@ -173,9 +173,10 @@ impl Locks {
     }
 
     /// Takes the locks of several devices, each lock once: two drivers may list the same GPU under different
-    /// labels, and a thread that took this GPU's lock twice would wait for itself. All threads of all
-    /// processes take the locks in the order of the locks' files, and only with this function, so no two
-    /// threads can wait for each other. While waiting, this function calls `tells`.
+    /// labels, and a thread that took this GPU's lock twice would wait for itself. Outside of tests, every
+    /// thread of every process takes locks with this function, which takes the locks in the order of their
+    /// files' names. No two threads can therefore wait for each other. While waiting, this function calls
+    /// `tells`.
     pub fn take_all_telling(
         &self,
         mut devices: Vec<LockName>,

@@ -10,7 +10,8 @@ use std::sync::Mutex;
 /// The files of locks for which this process has waited, and the processes that held these locks.
 static NAMED: Mutex<BTreeSet<(PathBuf, Holder)>> = Mutex::new(BTreeSet::new());
 
-/// Returns true if this is the first wait of this process for `holder` to release the lock with this file.
+/// Returns true if this process has not waited before for `holder` to release the lock with this file. Remembers
+/// that this process now waits for `holder`.
 pub fn is_first(file: &Path, holder: &Holder) -> bool {
     locked(&NAMED).insert((file.to_owned(), holder.clone()))
 }
