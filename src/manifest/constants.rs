@@ -11,8 +11,8 @@ pub const ROW_FLOATS: usize = TRIANGLE_WORDS;
 /// Number of working vectors of a ray (its origin, direction, normal and others), with three floats each. The
 /// student paper that raycl reproduces keeps the working vectors of rays in arrays.
 pub const WORKING_VECTORS: usize = 9;
-/// Returns the number of floats of a triangle without shared vertices: corners 9, normals 9, material 8, or more in a
-/// scene in which surfaces emit light (`emissive`).
+/// Returns the number of floats of a triangle without shared vertices: 9 for the corners, 9 for the normals, and 8 for
+/// the material. If surfaces of the scene emit light (`emissive`), the material has more than 8 floats.
 pub const fn soup_floats(emissive: bool) -> usize {
     18 + Material::floats(emissive)
 }
@@ -23,9 +23,9 @@ pub const LIGHT_FLOATS: usize = 6;
 /// front, two edges, and the shape.
 pub const AREA_LIGHT_FLOATS: usize = 16;
 /// Number of floats that describe the sky: its radiance at zenith and horizon, the upward direction, and its reach
-/// (surfaces farther away do not block the sky). If the sky is a picture, the picture's position in the buffer, its
-/// size and its direction take the place of the radiance. In the buffer, the lights' radii follow these floats of the
-/// sky.
+/// (surfaces farther away do not block the sky). If the sky is a picture, other floats take the place of the radiance:
+/// the index of the picture's first texel in the buffer, the picture's size, and the direction of the picture's middle.
+/// In the buffer, the lights' radii follow these floats of the sky.
 pub const SOFT_HEAD_FLOATS: usize = 10;
 /// Number of words that describe a texture, before its texels.
 pub const TEXTURE_HEAD_WORDS: usize = 4;
@@ -46,5 +46,5 @@ pub const INTERLEAVED: u32 = 4;
 pub const HALF_LIGHT_SHARPNESS: u32 = 50;
 /// Number of work-items that share a tile.
 pub const GROUP_LANES: u32 = 32;
-/// Number of triangles that are copied into `__local` memory at a time.
+/// Number of triangles that a work-group copies into `__local` memory at a time with `triangles = tiled`.
 pub const TILE_TRIANGLES: u64 = 256;

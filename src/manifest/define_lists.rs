@@ -1,4 +1,4 @@
-//! The macros that the host defines for kernel programs, in lists that several kernel families use.
+//! The macros that the host defines for kernel programs, in lists. Kernel families may share a list.
 
 use super::Fact::{
     self, Always, AreaLights, CornerColours, CutOut, HalfLight, Indexed, Sampled, Soft, Soup, Textured,

@@ -58,14 +58,14 @@ pub static RASTER: Family = Family {
         only(
             "triangles",
             &["global", "constant"],
-            "reads each triangle once, so there is nothing to keep in __local memory",
+            "reads each triangle once in each kernel for primary rays, where __local memory saves nothing",
         ),
         only(
             "intersector",
             &["moller-trumbore"],
             "uses its own edge functions for primary rays, and moller-trumbore for shadow rays",
         ),
-        only("records", &["each-test"], "reads each triangle once for all primary rays"),
+        only("records", &["each-test"], "reads each triangle once in each kernel for primary rays"),
         only(
             "math",
             &["strict"],
@@ -149,7 +149,8 @@ pub static TILE_GPU: Family = Family {
     ],
 };
 
-/// The defines of programs with `CAST_KERNELS`. The host gives `TREE_DEFINES` only to a strategy with a tree.
+/// The defines of programs with `CAST_KERNELS`. The host defines the macros of `TREE_DEFINES` only if the strategy has
+/// a tree.
 const CAST_KERNELS_DEFINES: &[Defines] = &[
     COMMON_DEFINES,
     TEXTURE_DEFINES,
@@ -163,9 +164,10 @@ const CAST_KERNELS_DEFINES: &[Defines] = &[
 
 const NO_TREE: &str = "uses no tree, so only the default value is allowed";
 const NO_TILES: &str = "casts no tiles of rays, so only the default value is allowed";
-const LEAF_ORDER: &str = "reads whole triangles from global memory, in the order of its tree's leaves";
+const LEAF_ORDER: &str =
+    "reads copies of the triangles' corners from global memory, in the order of its tree's leaves";
 const NORMALS_ONLY: &str =
-    "reads corners in the order of its tree's leaves, and has layout files only for the normals";
+    "reads corners in the order of its tree's leaves, and normals with a file of cl/tile_cpu/layout/";
 const SHADES_ONCE: &str = "shades only the nearest hit of each ray";
 const PREPARES_A_TILE: &str = "prepares a leaf's triangles itself, once for all rays of a tile";
 const OWN_EDGES: &str = "uses its own edge functions, without the paper's tolerances";

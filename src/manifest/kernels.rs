@@ -234,8 +234,8 @@ pub const TILE_GPU_KERNELS: &[Kernel] = &[
     APPLY_KERNEL,
 ];
 
-/// The kernel that shows the sky's picture in pixels whose rays have hit nothing. Every family that supports a sky has
-/// this kernel.
+/// The kernel that adds the sky's picture where rays have hit nothing. Every family that supports a sky has this
+/// kernel.
 const SHOW_SKY: Kernel = Kernel {
     name: "show_sky",
     role: Background,

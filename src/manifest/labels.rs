@@ -86,8 +86,8 @@ fn values_of_another_name_are_another_program_or_another_tree() {
         for axis in AXES {
             let values = taken(&base, axis);
             let known = seen.entry((family, axis.name)).or_default();
-            // The strategy `base` is skipped if the family accepted at least as many values of the axis with
-            // an earlier `base`.
+            // The strategy `base` is skipped if the family accepts only one value of the axis, or accepted at
+            // least as many values with an earlier `base`.
             if values.len() <= *known.max(&mut 1) {
                 continue;
             }

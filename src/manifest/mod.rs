@@ -85,7 +85,7 @@ pub enum Fact {
 pub enum Role {
     /// Prepares the planes of each triangle for the eye and the lights.
     Prepare,
-    /// Casts primary rays, and also casts shadow rays and shades hits, as far as one kernel can do all this.
+    /// Casts primary rays and shadow rays and, unless work-items share tiles, shades the hits.
     Frame,
     /// Finds the nearest hits of primary rays. If several kernels find the hits together, only the first of
     /// these kernels has the role `Primary`.
@@ -100,7 +100,7 @@ pub enum Role {
     /// Shades the nearest hits. If no kernel has the role `Shadow`, the kernel with the role `Shade` also
     /// casts shadow rays.
     Shade,
-    /// Shows the sky where rays have hit nothing.
+    /// Shows the sky's picture where rays have hit nothing.
     Background,
     /// Casts rays that the caller provides; not part of a frame.
     Rays,
@@ -145,7 +145,7 @@ pub struct Kernel {
     pub role: Role,
     /// The condition under which a program contains the kernel.
     pub when: Fact,
-    /// The kernel's parameters in order, in groups that several kernels use.
+    /// The kernel's parameters in order, in groups. Kernels may share a group.
     pub parameters: &'static [&'static [Parameter]],
 }
 
@@ -218,7 +218,7 @@ pub struct Family {
     pub entry: &'static str,
     /// The kernels of the family. A program contains only those kernels whose condition (`when`) is true.
     pub kernels: &'static [Kernel],
-    /// The names of the family's defines, in groups that several families use.
+    /// The names of the family's defines, in groups. Families may share a group.
     pub defines: &'static [&'static [(Fact, &'static str)]],
     /// The rules of the kernel family. A rule names an axis of strategies, and the values of the axis that
     /// the family supports.

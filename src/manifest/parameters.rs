@@ -1,4 +1,4 @@
-//! The parameters of kernels, in groups that several kernels use.
+//! The parameters of kernels, in groups. Kernels may share a group.
 
 use super::Fact;
 use super::Fact::{
@@ -40,7 +40,7 @@ pub const GEOMETRY: &[Parameter] = &[
     p(Indexed, SOURCE_FLOATS, "material_set"),
     p(Always, "const int", "triangle_count"),
 ];
-/// The lights, and the distance from a surface at which shadow rays start.
+/// The lights, and the shadow bias: the gap between a hit and the near end of the hit's shadow ray.
 pub const LIGHTS: &[Parameter] =
     &[p(Always, FLOATS, "lights"), p(Always, "const int", "light_count"), p(Always, "const float", "bias")];
 /// The triangles' planes, prepared for the eye and for each light.
@@ -76,9 +76,10 @@ pub const COLOURS: &[Parameter] = &[p(CornerColours, WORDS, "corner_colours")];
 /// through the holes of cut-outs. The names of these parameters differ from those for shading.
 pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS, "mask_words")];
 /// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in this sample's round.
-/// The first samples of a pixel are one round, and the pixel's later samples are another round.
+/// The first samples of a pixel are one round, and the pixel's later samples are another round. For unoccluded light,
+/// the number of samples in the round is 0.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
-/// For each block of pixels, the number of samples per pixel that the block should get. A further parameter
+/// For each block of pixels, the largest number of samples that each of its pixels gets. A further parameter
 /// is the number of samples per pixel that the image has from earlier frames.
 pub const SAMPLES: &[Parameter] = &[p(Sampled, WORDS, "wanted"), p(Sampled, "const uint", "earlier")];
 /// The base-2 logarithm of the number of sub-pixels across a pixel in this frame, the number of samples that
@@ -118,13 +119,12 @@ pub const MARK_ROUGH: &[Parameter] = &[
     p(Sampled, "__global uint *restrict", "rough"),
     p(Sampled, "volatile __global uint *", "rough_counter"),
 ];
-/// The unoccluded light (without shadows) in each pixel of the half picture, and the half picture's size.
+/// The half picture (half the width and height) with unoccluded light, and the size of half pictures.
 pub const HALF_LIGHT: &[Parameter] =
     &[p(Always, QUADS, "half_unoccluded"), p(Always, "const int2", "half_size")];
-/// For each pixel of the half picture (half the width and height) with shadows, the light that arrives at the
-/// pixel's surfaces.
+/// The half picture (half the width and height) with shadows.
 pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
-/// For each pixel of the half picture, the fraction of the unoccluded light that arrives.
+/// For each pixel of the half pictures, the fraction of the unoccluded light that arrives.
 pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];
 pub const RATIOS_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "ratios")];
 /// The triangles' planes, prepared for the eye and for the lights of one round (lights are processed in rounds). Each
@@ -159,7 +159,8 @@ pub const DEPTH: &[Parameter] = &[p(Always, "volatile __global int *", "depth")]
 pub const DEPTH_TO_NEAREST: &[Parameter] =
     &[p(Always, "const __global int *", "depth"), p(Always, "volatile __global int *", "nearest_triangle")];
 
-// Parameters of kernels for tiles that work-items share.
+// Parameters of kernels that cast tiles. `TILE_NEAREST_OUT` and `TILE_NEAREST_IN` are for all kernels with tiles, the
+// others for tiles that work-items share.
 pub const TILE_NEAREST_OUT: &[Parameter] = &[p(Always, "__global int *restrict", "nearest")];
 pub const TILE_NEAREST_IN: &[Parameter] = &[p(Always, INTS, "nearest")];
 pub const FIRST_LIGHT: &[Parameter] = &[p(Always, "const int", "first_light")];
