@@ -1,6 +1,6 @@
-//! Cases for testing the rule by which `render` chooses a strategy. For each case, the strategy that the rule
-//! chooses is compared with the measured times of other strategies. A case states a scene, an image size, and
-//! whether rays may slip between triangles.
+//! Cases for testing the rule by which `render` chooses a strategy. For each case, the measured time of the
+//! strategy that the rule chooses is compared with the times of the other candidates. A case states a scene,
+//! an image size, and whether rays may slip between triangles.
 
 use crate::config::have_one_shape;
 use crate::error::{Error, Result};
@@ -49,9 +49,9 @@ pub struct Case {
     pub set: BTreeMap<String, toml::Value>,
     /// The image's width and height in pixels.
     pub size: [u32; 2],
-    /// The kinds of case to which this case belongs. `raycl rule` and a test check that these are exactly the
-    /// kinds, such as `Few` (few triangles), that follow from the scene and the image size. Only the kind
-    /// `Watertight` is not checked.
+    /// The kinds of case to which this case belongs. `raycl rule` checks this list before it measures the
+    /// case: the list must contain exactly the kinds, such as `Few` (few triangles), that follow from the
+    /// scene and the image size. Only the kind `Watertight` is not checked.
     pub kinds: Vec<Kind>,
     /// The kinds of device on which strategies are measured for this case.
     pub devices: Vec<String>,
@@ -81,8 +81,8 @@ struct Entry {
 }
 
 impl Entry {
-    /// Returns the entry's cases; `None` if the entry has both `size` and `sizes`, or neither of them. The names of
-    /// several cases end with the size.
+    /// Returns the entry's cases; `None` if the entry has both `size` and `sizes`, or neither of them. If the entry has
+    /// `sizes`, the name of each case ends with the case's size.
     fn cases(self) -> Option<Vec<Case>> {
         let Self { name, scene, set, size, sizes, kinds, devices } = self;
         let case = |name: String, size| Case {

@@ -1,4 +1,4 @@
-//! Fits the constants of the rule by which `render` chooses a strategy to sweeps (measured times of all
+//! Computes the constants of the rule by which `render` chooses a strategy, from sweeps (measured times of
 //! candidate strategies). A choice of the rule loses time if another candidate strategy is faster. In a round
 //! of fitting, each constant in turn is set to the value with which the chosen strategies lose the least
 //! time. Rounds of fitting are repeated until no constant of the rule changes, but at most `ROUNDS` times.
@@ -6,8 +6,8 @@
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};
 
-/// The largest ratio of a choice's time to the best time. A greater ratio counts as `REFUSED`. A strategy
-/// that a device refused also counts as `REFUSED`.
+/// The largest ratio of a choice's time to the best time. A greater ratio counts as `REFUSED`. A choice
+/// without a time, for example because the device refused the strategy, also counts as `REFUSED`.
 const REFUSED: f64 = 100.0;
 /// A constant is changed only if the sum that [`loss_of`] returns decreases by more than this number.
 const GAIN: f64 = 1e-3;
@@ -46,9 +46,9 @@ pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Consta
     Some(constants)
 }
 
-/// Returns how much longer the strategies that the rule chooses take than the best candidate strategies. The
-/// result is a sum over all cases. Each case adds the logarithm of a ratio: the time of the chosen strategy
-/// divided by the best time, but at most `REFUSED`.
+/// Returns how much time the rule's choices lose, as a sum over the watertight cases or, if `watertight` is
+/// false, over the other cases. A case without any time is left out. Each case adds the logarithm of a ratio:
+/// the time of the chosen strategy divided by the best time, but at most `REFUSED`.
 fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     let verdicts = sweeps.iter().flat_map(|sweep| {
         let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);
@@ -58,8 +58,9 @@ fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
 }
 
 /// Returns the values to try for a constant of the rule. The rule compares a value of each case, such as the
-/// number of triangles, with this constant. The values of all cases form a sorted list. The values to try are
-/// 0, infinity, and one number with few digits between every two neighbours in this list.
+/// number of triangles, with this constant. The values of the cases form a sorted list, in which only the
+/// first of several nearly equal values is kept. The values to try are 0, infinity, and one number with few
+/// digits between every two neighbours in this list.
 fn values_to_try(
     sweeps: &[&Sweep],
     mut constants: Constants,
@@ -209,9 +210,10 @@ mod tests {
         }
     }
 
-    /// A choice that a device refused counts as if it took a hundred times the best time. If it counted as
-    /// infinitely long, the sum over all cases would be infinite for all constants as soon as one case has
-    /// only refused choices. Such a case would hide the differences between constants.
+    /// A choice that a device refused counts as if it took a hundred times the best time. Suppose that a
+    /// refused choice counted as infinitely long, and that the device refused every strategy that the rule
+    /// could choose for one case. The sum over all cases would then be infinite for all constants, and hide
+    /// the differences between constants.
     #[test]
     fn a_refused_choice_does_not_hide_what_the_other_cases_lose() {
         let times = |exhaustive, tiles| [("exhaustive", exhaustive), ("tiles", tiles), ("single", 1e3)];

@@ -1,5 +1,5 @@
-//! A sweep: the time of every candidate strategy for each case on one device. For each case, the rule's choice is
-//! compared with the fastest candidate.
+//! A sweep: for each case, the times on one device of the candidate strategies that may be the fastest and that were
+//! not refused. For each case, the rule's choice is compared with the fastest candidate.
 
 use super::Case;
 use crate::device::Device;
@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A sample has as many frames as it needs to take this time, in milliseconds, but at most `MOST_FRAMES`. On
-/// a GPU, a disturbance can last longer than a single frame.
+/// A sample has as many frames as it needs to take this time, in milliseconds, but at most `MOST_FRAMES`. A
+/// sample of a single short frame could lie wholly within a disturbance.
 const SAMPLE_MS: f64 = 10.0;
 /// The largest number of triangles for which exhaustive casting is timed. With more triangles, a sweep assumes that
 /// another candidate is faster. (With millions of triangles, exhaustive casting would take minutes.)
@@ -21,7 +21,7 @@ const MOST_TESTED: usize = 2000;
 /// Largest number of frames in a sample, even if the sample then takes less time than `SAMPLE_MS`.
 const MOST_FRAMES: f64 = 200.0;
 
-/// A sweep: the times of the candidate strategies for all cases on one device.
+/// A sweep: the times of candidate strategies for the measured cases on one device.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Sweep {
     /// The label of the device on which the candidates were measured.
@@ -35,8 +35,8 @@ pub struct Sweep {
     /// A note about the machine during the measurement, from `--conditions`.
     #[serde(default)]
     pub conditions: String,
-    /// Number of rounds, in each of which every candidate was measured once; the shortest time of all rounds
-    /// is used.
+    /// Number of rounds. In each round, every candidate that has a time was measured once. The shortest time
+    /// of all rounds is used.
     pub rounds: u32,
     /// The times of the candidates for each case.
     pub cases: Vec<Measured>,
@@ -85,8 +85,8 @@ impl Measured {
         Some(Verdict { choice, choice_ms, best: (best.0.clone(), *best.1) })
     }
 
-    /// Measures every candidate that may be the fastest on a case once in each round. Every second round measures the
-    /// candidates in reverse order. Candidates that the device or the host refuses have no time.
+    /// Measures, for a case, the candidates that may be the fastest. Each round measures each of them once, and every
+    /// second round measures them in reverse order. Candidates that the device or the host refuses have no time.
     pub fn of(case: &Case, scene: Arc<Scene>, device: &Device, rounds: u32) -> Result<Self> {
         let task = case.task(&scene);
         let limits = &device.info.limits;
