@@ -1,7 +1,7 @@
 //! The axes of a strategy (the choices of which a way to cast rays consists), and their values. Some values are kernel
-//! files: such a value has a file in one or more folders under `cl/` (in several if kernel families need different code
-//! for it), and the header of the first of these files describes the value. This file lists all values without a kernel
-//! file of their own, with their names and descriptions.
+//! files. Such a value has a file in one or more folders under `cl/`: in several folders if kernel families need
+//! different code for the value. The value is described by the header of the file whose folder comes first in `FOLDERS`
+//! (`values/folders.rs`). All values without a kernel file are listed here, with their names and descriptions.
 
 use super::header::Header;
 use super::values::{header_of, values_of};
@@ -38,8 +38,8 @@ pub trait Axis: Sized + Copy + Eq + 'static {
     /// Returns the value's name in configs and records.
     fn name(self) -> &'static str;
 
-    /// Returns the value with this name. If there is none, returns an error that suggests the most similar
-    /// name.
+    /// Returns the value with this name. If there is none, returns an error whose advice is the most similar
+    /// name or, if no name is similar, the command `raycl strategies`.
     fn parse(name: &str) -> Result<Self> {
         Self::all().into_iter().find(|value| value.name() == name).ok_or_else(|| {
             let names: Vec<_> = Self::all().into_iter().map(Self::name).collect();
@@ -277,7 +277,8 @@ impl Traversal {
         }
     }
 
-    /// Returns true if primary rays are rasterised: each triangle's pixels are found by one work-item.
+    /// Returns true if a rasteriser takes the place of primary rays: for each triangle, one work-item finds the
+    /// pixels that the triangle covers.
     pub fn rasterises(self) -> bool {
         match self {
             Self::Raster => true,

@@ -63,8 +63,9 @@ impl Strategy {
             // cast at a time, a separate kernel casts the leftover shadow rays (the rays that tiles do not
             // finish). Even with many samples, two kinds of pictures have one ray per pixel at a time:
             // pictures with soft light, and pictures of more than 2^23 pixels (see
-            // `Workload::shared_subpixel_bits`). For pictures of more than 2^23 pixels, the program contains
-            // the separate kernel for leftover shadow rays, but frames do not run this kernel.
+            // `Workload::shared_subpixel_bits`). For pictures of more than 2^23 pixels with several samples
+            // per pixel, the program contains the separate kernel for leftover shadow rays even if the passes
+            // are fused, but frames with fused passes do not run this kernel.
             Fact::Leftover => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
         }
     }

@@ -108,9 +108,8 @@ impl Intersector {
         matches!(self.header().word("prepared_for"), "origin" | "pixels")
     }
 
-    /// Returns true if the directions of primary rays are given in pixel coordinates. If the directions are
-    /// given in pixel coordinates, the planes for primary rays are linear in these coordinates, and the
-    /// distance t along a ray is the depth.
+    /// Returns true if the directions of primary rays are given in pixel coordinates. The planes for primary
+    /// rays are then stored as linear functions of these coordinates, and the t of a hit is its depth.
     pub fn counts_in_pixels(self) -> bool {
         self.header().word("prepared_for") == "pixels"
     }
