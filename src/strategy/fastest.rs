@@ -57,13 +57,13 @@ impl Task {
     }
 }
 
-/// A way to cast a picture. raycl chooses the fastest of several candidates. Each kind of device has its own
-/// presets (named strategies) for these candidates.
+/// A way to cast a picture. raycl chooses the fastest of several candidates. The preset (named strategy) of a
+/// candidate depends on the device ([`Candidate::strategy`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Candidate {
     /// Without a tree, each ray is tested against one triangle after another.
     Exhaustive,
-    /// Single rays (on a GPU) or packets of rays (on a CPU) traverse a tree.
+    /// Single rays traverse a tree; on a CPU with vectors, packets of rays do.
     Single,
     /// Tiles of rays traverse a tree together.
     Tiles {
@@ -74,7 +74,7 @@ pub enum Candidate {
     },
 }
 
-/// Classes of devices. Each class has its own candidates (strategies among which raycl chooses the fastest).
+/// A class of devices. On all devices of a class, raycl chooses among the same candidates, by the same limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {
@@ -83,29 +83,32 @@ pub enum Class {
     /// A CPU with narrower vectors. For such a CPU, the compiler splits the vectors of 16 rays that tiles
     /// use.
     TilesInNarrowVectors,
-    /// A GPU whose work-items exchange values by PTX's lane operations. Groups of 32 work-items share tiles.
+    /// A GPU whose work-items exchange values by PTX's lane operations. On such a GPU, 32 work-items share each
+    /// tile.
     SharedTiles,
-    /// A GPU without PTX's lane operations, or a CPU whose driver reports no vectors. On these devices, raycl chooses no
-    /// tiles. Mesa's driver for CPUs reports no vectors: like a GPU, it executes several work-items in the lanes of a
-    /// vector.
+    /// A GPU without PTX's lane operations, or a CPU whose driver reports no vectors. On these devices, raycl
+    /// chooses no tiles. Mesa's driver for CPUs reports no vectors: like a GPU, it executes several work-items
+    /// in the lanes of a vector.
     SingleRays,
 }
 
-/// From this number of triangles on, devices of the class [`Class::SingleRays`] traverse a tree with single rays. With
-/// fewer triangles than `TREE_TRIANGLES`, testing all triangles is faster than a tree. `TREE_TRIANGLES` was measured on
-/// an H200 (`single` and `exhaustive` in docs/results/rule/h200.json).
+/// From this number of triangles on, devices of the class [`Class::SingleRays`] traverse a tree with single
+/// rays. With fewer triangles than `TREE_TRIANGLES`, testing all triangles is faster than a tree in some
+/// pictures. `TREE_TRIANGLES` was measured on an H200 (`single` and `exhaustive` in
+/// docs/results/rule/h200.json).
 const TREE_TRIANGLES: usize = 10;
 
-/// The limits at which another candidate becomes the fastest one, for one class of devices on which raycl chooses among
-/// candidates with tiles. Some limits are compared with the number of pixels multiplied or divided by a root of the
-/// number of triangles. For each of these limits, the root (square or fourth) was chosen by the times of 346 pictures
-/// on an H200 (docs/results/rule/h200.json).
+/// The limits at which another candidate becomes the fastest, for one class of devices, with or without the
+/// watertight test. Only classes on which raycl may choose tiles have such limits. Some limits are compared
+/// with the number of pixels multiplied or divided by a root of the number of triangles. For each of these
+/// limits, the root (square or fourth) was chosen by the times of 346 pictures on an H200
+/// (docs/results/rule/h200.json).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     /// With fewer triangles than this limit, the rays are cast without a tree.
     pub tree_triangles: f64,
-    /// From this number of triangles per covered pixel on, the rays of a tile share too little work, and single rays
-    /// are faster.
+    /// From this number of triangles per covered pixel on, the rays of a tile share too little work, and
+    /// [`Candidate::Single`] is faster.
     pub single_triangles_a_pixel: f64,
     /// The limit that is used in place of `single_triangles_a_pixel` if surfaces lie all around the eye. In
     /// scenes with surfaces all around the eye, more triangles lie behind each other than in other scenes.
@@ -190,7 +193,7 @@ impl Class {
         }
     }
 
-    /// Returns true if the device is a CPU whose vectors hold the rays of a packet or a tile.
+    /// Returns true for CPUs with vectors. Such a CPU casts packets and tiles with several rays per vector.
     pub fn is_in_vectors(self) -> bool {
         matches!(self, Self::TilesInVectors | Self::TilesInNarrowVectors)
     }
@@ -239,11 +242,11 @@ impl Class {
 }
 
 impl Candidate {
-    /// The way to cast a picture with tiles on a CPU. On a GPU, this candidate has the smallest tiles and fused
-    /// passes.
+    /// The way to cast a picture with tiles on a CPU. On a GPU, this candidate has the smaller tiles (8 x 8
+    /// pixels) and fused passes.
     pub const TILES: Self = Self::Tiles { large: false, separate: false };
 
-    /// Returns the candidate's name in the files of stored sweeps (times of all candidates on a device).
+    /// Returns the candidate's name in the files of stored sweeps (measured times of candidates on a device).
     pub fn name(self) -> &'static str {
         match self {
             Self::Exhaustive => "exhaustive",
@@ -292,18 +295,18 @@ impl Candidate {
 /// Returns the fastest strategy for a task on a device with these limits, according to measurements, and its local
 /// size.
 ///
-/// Scenes with fewer triangles than [`Constants::tree_triangles`] (0 for some devices) are cast exhaustively.
-/// In exhaustive casting, a CPU casts as many rays per work-item as its vectors hold; a GPU casts a few rays
-/// per work-item, and streams triangles through `__local` memory.
+/// Scenes with fewer triangles than [`Constants::tree_triangles`] are cast exhaustively; if this limit is 0,
+/// only scenes without triangles are. In exhaustive casting, a CPU casts as many rays per work-item as its
+/// vectors hold; a GPU casts a few rays per work-item, and streams triangles through `__local` memory.
 ///
 /// In larger scenes, tiles of rays traverse a tree together. On a CPU with vectors, the rays of a tile are in
 /// vectors of rays. On a GPU, 32 work-items share a tile, and exchange values by PTX's lane operations. A GPU
-/// without PTX's lane operations casts single rays, because tiles have not been measured on such GPUs. On such a GPU,
-/// scenes with fewer than `TREE_TRIANGLES` triangles are cast exhaustively. A CPU that reports no vectors
-/// casts in the same way as a GPU without PTX's lane operations. In soft light, every GPU, and every CPU that
-/// reports no vectors, casts single rays. If triangles are much smaller than pixels, single rays are faster,
-/// since the rays of a tile take different paths. On a GPU, single rays are also faster in small pictures,
-/// which have too few tiles to keep the device busy.
+/// without PTX's lane operations casts single rays, because tiles have not been measured on such GPUs. On such
+/// a GPU, scenes with fewer than `TREE_TRIANGLES` triangles are cast exhaustively. A CPU that reports no
+/// vectors casts in the same way as a GPU without PTX's lane operations. In soft light, every GPU, and every
+/// CPU that reports no vectors, casts single rays. If triangles are much smaller than pixels, single rays (on a
+/// CPU with vectors, packets of rays) are faster, since the rays of a tile take different paths. On a GPU,
+/// single rays are also faster in small pictures, which have too few tiles to keep the device busy.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
     Candidate::fastest(limits, task).strategy(limits, task.watertight)
 }
@@ -352,9 +355,9 @@ mod tests {
         let mut scene = load_scene(&path).unwrap().scene;
         let task = Task::of(&scene, [64, 64], false);
         assert_eq!((task.triangles, task.pixels), (1, 4096));
-        // The picture consists of 16 columns and 16 rows of cells, each with 16 pixels. The triangle's bounding
-        // rectangle reaches from column 0 to column 14, and from row 4 to the upper edge of row 12, so that row 12
-        // counts too.
+        // The picture is divided into 16 columns and 16 rows of cells. A cell has 16 pixels. The triangle's
+        // bounding rectangle reaches from column 0 to column 14, and from row 4 to the upper edge of row 12, so
+        // that row 12 counts too.
         assert_eq!(task.covered_pixels, 15 * 9 * 16);
         scene.camera.forward = -scene.camera.forward;
         assert_eq!(Task::of(&scene, [64, 64], false).covered_pixels, 0, "the triangle is behind the eye");

@@ -1,5 +1,6 @@
-//! A kernel file that is a value of an axis begins with a comment, its header. The header of a kernel file
-//! tells the host the properties of the value that the file defines.
+//! The headers of kernel files that define values of axes. A header is a comment at the beginning of a file; it
+//! tells the host the properties of the value. If a value has several files, only the first of them has a
+//! header.
 
 use super::keys::{KEYS, Key, Said};
 use crate::error::{Error, Result, meant};
@@ -68,15 +69,17 @@ impl Header {
 pub(super) struct Reader<'a> {
     /// The axis to which the value belongs.
     pub axis: &'static str,
-    /// The file's name, relative to `cl/`.
+    /// The file's path, relative to `cl/` or to the user's folder (`--cl-dir`).
     pub file: &'a str,
     /// The file's path, as messages show it.
     pub path: &'a str,
     /// Returns the names of an axis's values; an empty list if there is no such axis.
     pub names_of: &'a dyn Fn(&str) -> Vec<String>,
-    /// Returns the location of an `#include` of this file; `None` if no file includes it.
+    /// Returns the location of an `#include` that names this file, perhaps by a wrong path. Returns `None` if
+    /// there is none, or if a built-in file has the same path as this file.
     pub included_at: &'a dyn Fn() -> Option<String>,
-    /// Returns true if this file includes another one, named relative to `cl/`, directly or through other files.
+    /// Returns true if this file includes another file, directly or through other files. The argument is the
+    /// other file's path, relative to `cl/`.
     pub includes: &'a dyn Fn(&str) -> Result<bool>,
 }
 
@@ -158,7 +161,8 @@ impl Reader<'_> {
         ))
     }
 
-    /// Returns the keys that headers of the file's axis can have.
+    /// Returns the keys that headers of the file's axis can have, except `meaning` and `contradicts`, which
+    /// headers of every axis can have.
     fn keys(&self) -> impl Iterator<Item = &'static Key> {
         KEYS.iter().filter(|key| key.axis == self.axis)
     }
@@ -228,7 +232,7 @@ impl Reader<'_> {
             super::AXES.iter().map(|info| info.name).filter(|axis| *axis != self.axis).collect();
         others.iter().copied().find(|axis| *axis == name).ok_or_else(|| {
             let message = format!(
-                "'contradicts' needs an axis other than '{}', not '{name}'; expected one of {}",
+                "'contradicts' in a header of the axis '{}' cannot name '{name}'; expected one of {}",
                 self.axis,
                 others.join(", ")
             );
@@ -259,7 +263,7 @@ impl Reader<'_> {
         match parsed.facts.iter().find(|(_, key, _)| *key == "prepared_for") {
             Some((line, _, Said::Word("tile"))) if folders.contains(&NO_TILES) => {
                 let message = format!(
-                    "'prepared_for' is tile, but the kernels that include {NO_TILES} have no tiles of rays; expected any-ray, origin or pixels"
+                    "'prepared_for' is tile, but the kernels that include files of {NO_TILES} have no tiles of rays; expected any-ray, origin or pixels"
                 );
                 Err(self.wrong(*line, message, None))
             }
@@ -267,8 +271,9 @@ impl Reader<'_> {
         }
     }
 
-    /// Refuses a header with `exact_signs: yes` if the file does not include [`EXACT_SIGNS`]: compilers would
-    /// contract products and sums to fma. The families with tiles of rays include [`EXACT_SIGNS`] themselves.
+    /// Refuses a header with `exact_signs: yes` if the file does not include [`EXACT_SIGNS`]: without this
+    /// include, compilers may contract products and sums to fma. The families with tiles of rays include
+    /// [`EXACT_SIGNS`] themselves.
     fn check_exact_signs(&self, parsed: &Entries, folders: &[&str]) -> Result<()> {
         let is_yes = |key: &str, said: &Said| key == "exact_signs" && matches!(said, Said::Word("yes"));
         let yes = parsed.facts.iter().find(|(_, key, said)| is_yes(key, said));

@@ -37,8 +37,8 @@ const MAPPED_BYTES: u64 = size_of::<Mapped>() as u64;
 /// that is expected from all of these.
 const LIGHT_PARTS_BYTES: u64 = 12 + 4 + (12 + 12 + 4 + 24) / 4 + 12;
 
-/// Bytes per pixel while layers are computed: radiance and alpha of the picture, two counts, and the hit of the pixel's
-/// ray (depth, normal, base colour and triangle, which may be missing).
+/// Bytes per pixel while layers are computed: radiance and alpha of the picture, two counts, and the optional
+/// hit of the pixel's ray (depth, normal, base colour and triangle).
 const LAYERS_COMPUTED_BYTES: u64 = 16 + 8 + 36;
 /// Bytes per pixel while layers are written: radiance and alpha of the picture, all layers, and a second copy
 /// of all these numbers as channels of an EXR.
@@ -74,10 +74,9 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = base.clone();
-            // The sum of bytes assumes that the binary tree has small leaves. With fewer than 32 children per
-            // node, `WideBvh::of_mesh` builds a binary tree with small leaves. With 32 children per node, the
-            // binary tree may have larger leaves. A binary tree with larger leaves needs less memory than
-            // this sum of bytes.
+            // `WideBvh::of_mesh` makes the tree from a binary tree. The sum of bytes assumes that the binary
+            // tree has small leaves. This is so with fewer than 32 children per node. With 32 children per
+            // node, the binary tree may have larger leaves, and then needs less memory than this sum.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree being built", &[(build_bytes, " B")]);

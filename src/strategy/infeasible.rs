@@ -1,4 +1,4 @@
-//! The reason why a strategy cannot be cast, found before anything is compiled.
+//! The reason why a point cannot be cast, found before anything is compiled.
 
 /// Why a point (a strategy with a local size, an image size, a scene and a device) cannot be cast. The reason is either
 /// a limit that the point exceeds, with the arithmetic, or a feature that the strategy does not support.
@@ -50,11 +50,12 @@ impl Infeasible {
         reason.starts_with(Self::ON_HOST) || reason.contains(Self::BESIDE_OTHERS)
     }
 
-    /// Returns true if the point exceeds the device's global memory, its largest buffer or its threads'
-    /// stacks. Returns false if the reason is temporary, so that the point may fit at another moment of the
-    /// session. In another session, the limits of the same device's global memory, buffers and stacks may be
-    /// larger, for example if a variable of its driver or `ulimit -s` changes. If a device's limit other than these
-    /// three changes, the point's key changes too, since everything that determines such a limit is part of the key.
+    /// Returns true if the point exceeds the device's global memory, its largest buffer or its threads' stacks.
+    /// Returns false if the reason is temporary, so that the point may fit at another moment of the session. In
+    /// another session, the limits of the same device's global memory, buffers and stacks may be larger, for
+    /// example if an environment variable of its driver or `ulimit -s` changes. If any other limit of the
+    /// device changes, the key of the point's record changes too, since everything that determines the limit is
+    /// part of the key.
     pub fn is_of_the_session(reason: &str) -> bool {
         let limits = [Self::LARGEST_BUFFER, Self::GLOBAL_MEMORY, Self::CPU_STACK];
         !Self::is_of_the_moment(reason) && limits.iter().any(|words| reason.starts_with(words))

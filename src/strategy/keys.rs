@@ -60,7 +60,7 @@ pub(super) static KEYS: [Key; 10] = [
     key(
         "layout",
         "index_bits",
-        "bits of an index into the lists of positions and normals; `none` for a triangle soup",
+        "bits of an index into the lists of positions, normals and materials; `none` for a triangle soup",
         Takes::Words(&["none", "16", "32"]),
     ),
     key("shading", "shades", "the hits that are shaded", Takes::Words(&["each-nearer-hit", "nearest-hit"])),

@@ -16,8 +16,8 @@ pub struct Preset {
     pub about: &'static str,
     /// The strategy that the preset names: a value on every axis.
     pub strategy: Strategy,
-    /// The kind of device that the preset is meant for; on other kinds, the preset is measured only if requested.
-    /// `None` means all kinds.
+    /// The kind of device that the preset is meant for. On other kinds, an experiment measures the preset only
+    /// if its config has `any_kind = true`, or if `--set` names the preset. `None` means all kinds.
     pub meant_for: Option<DeviceKind>,
 }
 
@@ -41,8 +41,8 @@ const PAPER: Strategy = Strategy {
     math: Math::Strict,
 };
 
-/// The base of the presets for kernels that the paper does not have; each of these presets differs from the
-/// base in a few axes.
+/// The strategy of the preset `deferred`. The preset `raster`, and all presets after `deferred`, differ from
+/// `MODERN` in a few axes.
 const MODERN: Strategy = Strategy {
     vectors: Vectors::PRIVATE,
     shading: Shading::DEFERRED,
@@ -51,8 +51,8 @@ const MODERN: Strategy = Strategy {
     ..PAPER
 };
 
-/// The base of presets that cast tiles of rays in wide vectors. Tiles in wide vectors have a single pass,
-/// since a tile's hits are best shaded while the tile's triangles are in the caches.
+/// The base of presets that cast tiles of rays in wide vectors. Their passes are fused, since a tile's hits are
+/// best shaded while the tile's triangles are in the caches.
 const TILE: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,
@@ -63,9 +63,9 @@ const TILE: Strategy = Strategy {
     ..MODERN
 };
 
-/// The base of presets in which 32 work-items share a tile. In a single pass, tiles that have finished the rays from
-/// the eye continue with shadow rays while other tiles still cast rays from the eye. The preset with the watertight
-/// test has separate passes, because this test needs too many registers for a single pass.
+/// The base of presets in which 32 work-items share a tile. With fused passes, tiles that have finished the
+/// rays from the eye continue with shadow rays while other tiles still cast rays from the eye. The preset with
+/// the watertight test has separate passes, because this test needs too many registers for fused passes.
 const TILE_GROUP: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,
@@ -76,7 +76,7 @@ const TILE_GROUP: Strategy = Strategy {
     ..MODERN
 };
 
-/// Every preset, the paper's first.
+/// Every preset. The presets for the paper's kernels come first.
 pub const PRESETS: &[Preset] = &[
     Preset {
         name: "naive",
@@ -251,8 +251,8 @@ pub const PRESETS: &[Preset] = &[
     },
 ];
 
-/// Returns the preset with this name. If no preset has this name, returns an error that suggests the most
-/// similar name.
+/// Returns the preset with this name. If no preset has this name, returns an error that lists all names and, if
+/// one of them is similar, suggests it.
 pub fn preset(name: &str) -> Result<&'static Preset> {
     PRESETS.iter().find(|preset| preset.name == name).ok_or_else(|| {
         let names = preset_names();

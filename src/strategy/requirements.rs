@@ -268,8 +268,8 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.traversal.casts_tiles() {
         let (across, down) = strategy.tile.pixels();
-        // The sum counts every work-item of a work-group. PoCL 3.1 was observed to store the values of all
-        // work-items at the same time, even if the kernel has no barriers.
+        // The sum counts the tiles of all work-items of a work-group. PoCL 3.1 was observed to store the values
+        // of all work-items at the same time, even if the kernel has no barriers.
         let [x, y] = w.local_size.map(u64::from);
         let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add(

@@ -91,8 +91,8 @@ impl Strategy {
             ),
             (
                 planes && self.layout.index_bits().is_some(),
-                "intersector = {intersector} reads no corners of triangles, but data that is computed from the \
-                 corners in advance, so layout must be soup",
+                "intersector = {intersector} reads data that is computed in advance from the corners of triangles; \
+                 raycl supports this only with layout = soup",
             ),
             (
                 planes && !tables,
@@ -163,8 +163,8 @@ mod tests {
         let mut refused = 0;
         for family in FAMILIES {
             for info in AXES {
-                // The rules of a kernel family do not restrict the axes whose values decide which family is
-                // used.
+                // The values of these axes decide which family is used, so a strategy with another value may
+                // belong to another family.
                 let chooses =
                     info.name == "traversal" || (info.name == "width" && family.name.starts_with("tile"));
                 for (value, _) in info.values().into_iter().filter(|_| !chooses) {

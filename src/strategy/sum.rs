@@ -46,8 +46,8 @@ impl Sum {
         Err(Infeasible::beyond(format!("{memory}: {sum} = {bytes} B > {limit_bytes} B")))
     }
 
-    /// Returns an error, with the largest term's arithmetic, if this term exceeds the limit. Each term of a
-    /// sum of bytes stands for one buffer, which must not exceed the device's largest buffer.
+    /// Returns an error, with the largest term's arithmetic, if this term exceeds the limit. The sum must have
+    /// one term per buffer, since the limit is the size of the device's largest buffer.
     pub fn each_within(&self, limit_bytes: u64) -> Result<(), Infeasible> {
         match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
             Some((bytes, term)) if *bytes > u128::from(limit_bytes) => {

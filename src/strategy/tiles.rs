@@ -6,9 +6,9 @@ use crate::manifest::GROUP_LANES;
 
 impl Strategy {
     /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). The block is
-    /// nearly square, so that its rays hit the same triangles. If the ray-triangle test uses planes that are
-    /// linear in the pixel's coordinates, blocks of 16 rays are wider and lower instead, because the rays of
-    /// a row of pixels share terms.
+    /// nearly square, so that its rays mostly hit the same triangles. If the ray-triangle test uses planes that
+    /// are linear in the pixel's coordinates, blocks of 16 rays are wider and lower instead, because the rays
+    /// of a row of pixels share terms.
     pub fn block(&self) -> (usize, usize) {
         let across = match self.width {
             Width::W1 => 1,
@@ -32,9 +32,9 @@ impl Strategy {
         self.shares_tiles().then(|| self.tile.pixels().into())
     }
 
-    /// Returns the number of lights in a round of lights (the lights whose shadow rays one run of a kernel casts,
-    /// if work-items share tiles). Each work-item stores one bit for each pair of a ray of its own and a light
-    /// of the round. These bits must fit into a word of 32 bits, so the number of lights in a
+    /// Returns the largest number of lights in a round of lights (the lights whose shadow rays one run of a
+    /// kernel casts, if work-items share tiles). Each work-item stores one bit for each pair of a ray of its
+    /// own and a light of the round. These bits must fit into a word of 32 bits, so the number of lights in a
     /// round is limited. Bit 31 is reserved to mark leftover shadow rays.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();

@@ -25,10 +25,10 @@ type Headers = &'static [Header];
 /// The headers of all values that are built-in kernel files.
 static BUILT_IN: LazyLock<Headers> = LazyLock::new(built_in);
 
-/// The headers of all values that are kernel files. The headers do not change while the process works, since
-/// it reads its `--cl-dir` before it parses the first name of a value. If a run compares two folders of
-/// kernels, `KNOWN` has the headers of the second folder (see [`Values`]). The headers live as long as the
-/// process, so that a strategy can hold their names and be copied.
+/// The headers of all values that are kernel files. A process reads its `--cl-dir` before it parses the first
+/// name of a value; after that, the headers do not change. Only a run that compares two folders of kernels
+/// reads a second folder later: `KNOWN` then has the headers of the second folder (see [`Values`]). The headers
+/// live as long as the process, so that a strategy can hold their names and be copied.
 static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| RwLock::new(*BUILT_IN));
 
 thread_local! {
@@ -76,13 +76,14 @@ fn stored(headers: Vec<Header>) -> Headers {
     all[all.len() - 1]
 }
 
-/// Returns the headers of an axis's values, by name.
+/// Returns the headers of an axis's values, in the order of the values' names.
 pub fn values_of(axis: &str) -> impl Iterator<Item = &'static Header> {
     known().iter().filter(move |header| header.axis == axis)
 }
 
 /// Returns the header of the kernel file that defines a value of an axis; an empty header if the value has no
-/// kernel file. A name that was parsed as a value of an axis of files always has a file.
+/// kernel file. If the values of an axis are kernel files, a name that was parsed as a value of this axis has a
+/// file.
 pub(super) fn header_of(axis: &str, name: &str) -> &'static Header {
     static NONE: Header = Header::NONE;
     values_of(axis).find(|header| header.name == name).unwrap_or(&NONE)

@@ -32,7 +32,7 @@ pub struct Workload {
     pub texture_words: usize,
     /// True if textures have mip levels.
     pub mip_levels: bool,
-    /// True if the alpha channels of textures make holes in triangles (cut-outs).
+    /// True if masks (usually the alpha channels of textures) make holes in triangles (cut-outs).
     pub cut_outs: bool,
     /// True if the corners of triangles have colours.
     #[serde(default)]
@@ -222,8 +222,8 @@ impl Workload {
         (self.pixels() as usize) << (2 * self.shared_subpixel_bits(strategy))
     }
 
-    /// Returns the number of origins (eye and lights) for which planes of all triangles are stored at the
-    /// same time; 0 if the ray-triangle test uses no planes.
+    /// Returns the number of origins (eye and lights) for which planes of all triangles are stored at the same
+    /// time; 0 if the ray-triangle test reads no such planes.
     pub fn prepared_origins(&self, strategy: &Strategy) -> usize {
         let at_once = if strategy.shares_tiles() { strategy.lights_of_round() } else { usize::MAX };
         if strategy.intersector.prepares_planes() { 1 + self.lights.min(at_once) } else { 0 }

@@ -138,14 +138,14 @@ fn a_contradiction_names_a_value_of_another_axis() {
     mistake(
         "culling=back",
         "cullin=back",
-        "line 6: 'contradicts' needs an axis other than 'intersector', not 'cullin'",
+        "line 6: 'contradicts' in a header of the axis 'intersector' cannot name 'cullin'",
         "'culling'",
     );
     mistake("culling=back", "culling=bakc", "line 6: 'bakc' is not a value of culling", "'back'");
     mistake(
         "culling=back",
         "intersector=my-test",
-        "line 6: 'contradicts' needs an axis other than 'intersector', not 'intersector'",
+        "line 6: 'contradicts' in a header of the axis 'intersector' cannot name 'intersector'",
         "",
     );
 }
@@ -155,7 +155,7 @@ fn a_test_in_the_folder_of_families_without_tiles_is_not_prepared_for_a_tile() {
     mistake(
         "any-ray",
         "tile",
-        "line 4: 'prepared_for' is tile, but the kernels that include cast/intersect/ have no tiles of rays",
+        "line 4: 'prepared_for' is tile, but the kernels that include files of cast/intersect/ have no tiles of rays",
         "docs/own-kernels.md",
     );
 }

@@ -149,9 +149,10 @@ fn a_heap_has_no_more_values_than_its_counter_counts() {
     let reason = |strategy: &Strategy, items| {
         refusal(strategy, &Workload { image_size: [items, 1], ..workload(1, 1) }, &limits)
     };
-    // A work-item's working vectors have 27 values, each with one number per ray: 2^32 / 27 = 159,072,862.8.
+    // A work-item's working vectors have 27 values, each with one number per ray. A counter of 32 bits can
+    // therefore count the values of 2^32 / 27 = 159,072,862.8 work-items.
     assert_eq!(reason(&of("naive"), 159_072_862), "");
-    let expected = "heap: 27 values x 159072863 x 1 work-items = 4294967301 > 4294967295";
+    let expected = "heap: 27 values x 159072863 x 1 work-items = 4294967301 > 4294967295, the largest number that kernels can count";
     assert_eq!(reason(&of("naive"), 159_072_863), expected);
     let wide = with("naive", "width", "4");
     assert_eq!([2, 4].map(|times| reason(&wide, times * 100_000_000).is_empty()), [true, false]);
@@ -166,7 +167,7 @@ fn a_queue_has_no_more_entries_than_its_counter_counts() {
         refusal(&of(name), &w, &limits)
     };
     assert_eq!(reason("tile-group", [65_536, 65_535]), "");
-    let expected = "queue: 4294967296 rays from the eye > 4294967295";
+    let expected = "queue of leftover shadow rays: 4294967296 rays from the eye > 4294967295, the largest number that kernels can count";
     assert_eq!(reason("tile-group", [65_536, 65_536]), expected);
     assert_eq!(reason("deferred", [65_536, 65_536]), "");
 }

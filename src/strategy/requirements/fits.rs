@@ -82,12 +82,14 @@ pub fn counters(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasib
     let values = each * across * down;
     if strategy.vectors.memory() == WorkingMemory::Heap && values > MOST_COUNTED {
         return Err(Infeasible::beyond(format!(
-            "heap: {each} values x {across} x {down} work-items = {values} > {MOST_COUNTED}"
+            "heap: {each} values x {across} x {down} work-items = {values} > {MOST_COUNTED}, the largest number that kernels can count"
         )));
     }
     let rays = workload.shared_rays(strategy) as u128;
     if strategy.shares_tiles() && rays > MOST_COUNTED {
-        return Err(Infeasible::beyond(format!("queue: {rays} rays from the eye > {MOST_COUNTED}")));
+        return Err(Infeasible::beyond(format!(
+            "queue of leftover shadow rays: {rays} rays from the eye > {MOST_COUNTED}, the largest number that kernels can count"
+        )));
     }
     Ok(())
 }
@@ -101,7 +103,7 @@ pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> 
     let (has, remedy) = match workload.sky {
         true => (
             "a sky",
-            "remove [sky] and any `radius` and `edges` of a light from the scene, or render a bare mesh with --plain",
+            "remove [sky] and any `radius` and `edges` of a light from the scene (for a bare mesh, give --plain instead)",
         ),
         false => (
             "lights with a radius or edges",

@@ -35,7 +35,7 @@ impl Named {
     }
 }
 
-/// Returns the name of the value that a file in `folder` defines; `None` if the file does not lie in
+/// Returns the name of the value that a file in `folder` defines; `None` if the file does not lie directly in
 /// `folder`.
 pub fn value_in(folder: &str, file: &str) -> Option<String> {
     let stem = file.strip_prefix(folder)?.strip_suffix(".cl")?;

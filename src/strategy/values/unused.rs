@@ -22,8 +22,8 @@ pub fn refuse_unused(sources: &Sources) -> Result<()> {
     let includes_file = |include: &Include, file: &str| include.may_be_of(file, |axis| names_of(&all, axis));
     let used = files_with_effect(&files, &includes, includes_file);
     unknown.retain(|file| !used.contains(&file.as_str()));
-    // If possible, the error names a file that no other file includes: since this file has no effect, neither
-    // have the files that it includes.
+    // A file without effect may be the only one that includes other files, which then have no effect either. If
+    // possible, the error therefore names a file that no file includes.
     let is_included = |file: &String| includes.iter().any(|include| includes_file(include, file));
     match unknown.iter().find(|file| !is_included(file)).or(unknown.first()) {
         Some(file) => Err(unused(folder, file, &includes, is_included(file))),
@@ -58,8 +58,8 @@ fn is_known(file: &str) -> bool {
     Sources::names().contains(&file) || FOLDERS.iter().any(|(folder, _)| value_in(folder, file).is_some())
 }
 
-/// Returns the error about a kernel file that has no effect. `is_included` means that another file includes
-/// this file, although the other file has no effect either.
+/// Returns the error about a kernel file that has no effect. `is_included` is true if another file, which has
+/// no effect either, includes this file.
 fn unused(folder: &Path, file: &str, includes: &[Include], is_included: bool) -> Error {
     let (path, folder_name) = (folder.join(file), folder.display());
     let by = if is_included { "only files without effect include it" } else { "no file includes it" };
