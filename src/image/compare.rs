@@ -35,8 +35,8 @@ pub fn relative_difference(actual: [f32; 3], expected: [f32; 3], floor: f64) -> 
     if largest.is_finite() { largest / brightness(expected).max(floor) } else { f64::INFINITY }
 }
 
-/// Returns the difference between the alphas of two pixels, or infinity if an alpha is NaN. Returns 0 if one
-/// of the pixels has no alpha.
+/// Returns the difference between the alphas of two pixels, or infinity if an alpha is NaN. Returns 0 if either
+/// pixel has no alpha.
 pub fn alpha_difference(actual: Option<&f32>, expected: Option<&f32>) -> f64 {
     let (Some(actual), Some(expected)) = (actual, expected) else { return 0.0 };
     let apart = (f64::from(*actual) - f64::from(*expected)).abs();
@@ -64,8 +64,8 @@ pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
 /// Returns a picture of the differences between `actual` and `expected`, in false colours with a scale below.
 /// A pixel's difference is the larger of [`relative_difference`] and, if both pictures have alpha, the
 /// difference of alpha. The scale is logarithmic, from 1e-6 (dark) to 1 (bright). Pixels with a difference
-/// below 1e-6 are black. A pixel is red if one of its values is not finite, or if only one of the two
-/// pictures has this pixel.
+/// below 1e-6 are black. A pixel is red if one of the compared values is not finite, or if only one of
+/// the two pictures has this pixel.
 pub fn difference_image(actual: &Radiance, expected: &Radiance) -> RgbImage {
     let floor = floor_below(brightest(expected));
     let (width, height) = (actual.width.max(expected.width), actual.height.max(expected.height));
@@ -84,7 +84,7 @@ pub fn difference_image(actual: &Radiance, expected: &Radiance) -> RgbImage {
     picture
 }
 
-/// Returns the index of the pixel at column `x` and row `y`; `None` if the pixel is outside the image.
+/// Returns the index of the pixel at column `x` and row `y`; `None` if the image has no such pixel.
 fn pixel_index(image: &Radiance, x: u32, y: u32) -> Option<usize> {
     let inside = x < image.width && y < image.height;
     let index = y as usize * image.width as usize + x as usize;
@@ -159,8 +159,8 @@ mod tests {
         let mut actual = expected.clone();
         (actual.pixels[0], actual.pixels[1]) = ([1e-3; 3], [1e6; 3]);
         let picture = difference_image(&actual, &expected);
-        // The black pixel differs by a thousandth of the brightest expected pixel. The difference of a dark
-        // pixel is divided by a thousandth of the brightest pixel, so the relative difference is 1.
+        // The first pixel should be black, and differs by a thousandth of the brightest expected pixel. The
+        // difference of a dark pixel is divided by this same thousandth, so the relative difference is 1.
         assert_eq!(*picture.get_pixel(0, 0), colour::of_difference(1.0));
     }
 

@@ -1,6 +1,6 @@
-//! Opens the bytes of picture files for decoding. With [`picture_reader`], raycl opens every picture that a
-//! user or a folder of results names. The function refuses three kinds of files that the decoders of the
-//! crate `image` would not refuse.
+//! Opens the bytes of picture files for decoding. With [`picture_reader`], raycl opens the pictures that a user or a
+//! folder of results names, except the sky's pictures (HDR and EXR files that `scene::sky` opens). The function
+//! refuses three kinds of files that the decoders of the crate `image` would not refuse.
 
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
 use super::png_chunks::png_chunks;
@@ -114,7 +114,7 @@ fn is_complete(bytes: &[u8]) -> bool {
         match *rest {
             [kind, ..] if has_scan && [MARKER, kind] == END_OF_IMAGE => return true,
             // The byte after 0xff shows what the two bytes are: 0 means a byte 0xff of a scan, 0xff means
-            // padding before a marker, and each of the other values means a marker without a segment.
+            // padding before a marker, and 1 or 0xd0 to 0xd9 means a marker without a segment.
             [0 | 1 | 0xd0..=0xd9 | MARKER, ..] => {}
             [kind, high, low, ..] => {
                 has_scan |= kind == START_OF_SCAN;

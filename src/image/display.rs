@@ -68,8 +68,8 @@ impl Shown {
     }
 
     /// Returns the two tables of the display transform that devices read. The first table has, for each 8-bit
-    /// value, the smallest radiance that is displayed as a greater value. The second table has one element
-    /// for each pattern of a radiance's upper bits: a lower bound of the 8-bit values of all radiances with
+    /// value, the smallest radiance that is displayed as a greater value (NaN for 255). The second table has one
+    /// element for each pattern of a radiance's upper bits: a lower bound of the 8-bit values of all radiances with
     /// these upper bits.
     pub fn tables(&self) -> (&[f32], &[u8]) {
         (&self.0.smallest, &self.0.at_least[..])
@@ -99,8 +99,8 @@ pub fn transform(radiance: f32, display: Display) -> u8 {
     (255.0 * brightness.powf(1.0 / f64::from(display.gamma))) as u8 // the cast truncates
 }
 
-/// The display transform of one channel, as tables. Without the tables of thresholds, each channel of each
-/// pixel would need a power or a binary search, which would take longer than writing the picture's file.
+/// The display transform of one channel, as tables. Without both tables, each channel of each pixel would need
+/// a power or a binary search, which would take longer than writing the picture's file.
 struct Thresholds {
     /// For each 8-bit value from 1 to 255, the smallest radiance that is shown as this or a greater value.
     /// The array's first element belongs to the value 1. The array's last element is NaN: comparisons with
@@ -108,12 +108,13 @@ struct Thresholds {
     smallest: [f32; Shown::VALUES],
     /// For each pattern of the upper 18 bits of a positive radiance, a lower bound of the 8-bit value.
     at_least: Box<[u8; ELEMENTS]>,
-    /// True if every lower bound in `at_least` is at most 1 below the radiance's 8-bit value. With usual display
-    /// settings, it is.
+    /// If true, every lower bound in `at_least` is at most 1 below the 8-bit values of its radiances. With usual
+    /// display settings, the field is true.
     one_step_suffices: bool,
 }
 
-/// Number of elements of [`Thresholds::at_least`]: the sign bit of its radiances is 0.
+/// Number of elements of [`Thresholds::at_least`]: one for each pattern of the upper bits of a radiance whose sign
+/// bit is 0.
 const ELEMENTS: usize = 1 << (31 - Shown::INDEX_SHIFT);
 
 impl Thresholds {
@@ -122,7 +123,8 @@ impl Thresholds {
         for (value, threshold) in (1..=255).zip(&mut thresholds) {
             *threshold = smallest(value, display);
         }
-        // The thresholds rise: each value fills the part of the table from its own threshold to the next one.
+        // The thresholds never fall, so each value fills `at_least` from its own threshold to the next value's
+        // threshold.
         let mut at_least = Box::new([0; ELEMENTS]);
         let mut end = at_least.len();
         for (value, threshold) in (1..=255).zip(thresholds).rev() {
@@ -130,7 +132,7 @@ impl Thresholds {
             at_least[first..end].fill(value);
             end = first;
         }
-        // One step is enough if no element has two thresholds between its radiances.
+        // One step is enough if no two thresholds belong to the same element of `at_least`.
         let elements: [u32; 255] =
             std::array::from_fn(|value| thresholds[value].to_bits() >> Shown::INDEX_SHIFT);
         Self { smallest: thresholds, at_least, one_step_suffices: elements.is_sorted_by(|a, b| a < b) }
@@ -233,8 +235,8 @@ mod tests {
         }
     }
 
-    /// In the table of bounds, no element has more than one threshold between its radiances, so that a search takes at
-    /// most one step.
+    /// With the usual display settings, no two thresholds belong to the same element of `at_least`, so a search takes
+    /// at most one step.
     #[test]
     fn with_the_usual_display_the_table_is_at_most_one_value_too_low() {
         let one_step_suffices = |display| Thresholds::new(display).one_step_suffices;
@@ -246,8 +248,8 @@ mod tests {
     #[test]
     fn a_colour_of_eight_bits_is_displayed_unchanged() {
         let plain = Display { exposure: 1.0, gamma: 1.0, ..Display::default() };
-        // With each exposure in the list `rounded`, the radiance of white is rounded down in single
-        // precision.
+        // With each exposure in the list `rounded`, 1 / exposure is rounded down in single precision, so the
+        // radiance of white must be the next larger number.
         let rounded = [1e-5, 0.001, 0.01, 100.0].map(|exposure| Display { exposure, ..Display::default() });
         for display in [Display::default(), plain].into_iter().chain(rounded) {
             for value in 0..=255 {

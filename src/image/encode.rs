@@ -47,7 +47,7 @@ pub fn png_of(encoded: &[u8], file: &mut File) -> Result<()> {
     encode(file, mark::png(), |writer| Ok(writer.write_all(encoded)?))
 }
 
-/// Returns an encoder of a PNG with 8 bits per channel. Its settings are fast.
+/// Returns an encoder of a PNG with 8 bits per channel, with settings that make encoding fast.
 pub fn png_encoder<W: Write>(
     to: W,
     (width, height): (u32, u32),
@@ -94,16 +94,16 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
 
 /// Rounds a pixel to the nearest values that an HDR file can hold: multiples of a step, with whole factors from
 /// 0 to 255. (The encoder turns negative multiples into 0.) All channels of a pixel share one step, a power of
-/// two that follows from the largest channel. If this function did not round pixels, every picture would become
-/// darker, since the encoder itself rounds down to multiples of the step. A pixel whose channels are all below
-/// the smallest normal f32 becomes black, since the encoder has no exponent for such small values.
+/// two that follows from the largest channel. Without this rounding, pictures would become darker, since
+/// the encoder itself rounds down to multiples of the step. A pixel whose channels are all below the smallest
+/// normal f32 becomes black, since this function computes the step from the bits of a normal f32.
 fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
     let most = pixel.into_iter().fold(0.0, f32::max);
     if most < f32::MIN_POSITIVE {
         return [0.0; 3];
     }
-    // The HDR format cannot hold half of `f32::MAX` or more, so this function leaves pixels near this limit
-    // unchanged.
+    // The HDR format cannot hold half of `f32::MAX` or more. Rounding up could exceed this limit, so pixels near
+    // the limit stay unchanged.
     if most > f32::MAX / 4.0 {
         return pixel;
     }

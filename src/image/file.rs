@@ -43,9 +43,9 @@ const CONVERTING_BYTES: u64 = 32;
 /// The largest width or height of a JPEG in pixels, which the format stores in 16 bits.
 const MOST_OF_JPEG: u32 = u16::MAX as u32;
 
-/// The only width in pixels that an HDR file cannot have. The crate `image` 0.25.10 compresses rows of this width,
-/// although the format has only 15 bits for the number of pixels of a compressed row. No program could read such a
-/// file.
+/// The only width in pixels with which raycl cannot write an HDR file. The crate `image` 0.25.10 compresses rows of
+/// this width, although the format has only 15 bits for the number of pixels of a compressed row. No program could
+/// read the file.
 const NO_HDR_WIDTH: u32 = 1 << 15;
 
 /// Writes an image in the format of its file's extension. PNG and JPEG (quality 95) have the values that
@@ -89,8 +89,8 @@ fn check_size(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
 }
 
 /// Returns an error if an image has no pixels, if its lists of pixels do not match its size, or if the file's
-/// format cannot hold its values. An image that raycl has cast is refused only if a program that uses the
-/// library has changed the image.
+/// format cannot hold its values. An image that raycl has cast, and that no program has changed,
+/// is refused only if a pixel is not finite and the file is an HDR.
 pub fn check_image(image: &Radiance, target: &Target) -> Result<()> {
     let Radiance { width, height, pixels, coverage } = image;
     let refused = |why: String, remedy: &str| {
@@ -156,8 +156,8 @@ pub enum Values {
 
 /// Reads a picture: the integers of a PNG or JPEG as displayed values from 0 to 1, the floating-point numbers
 /// of an EXR or HDR as linear radiance. The returned `coverage` is the picture's alpha channel, or empty if
-/// the picture is opaque. The returned colours are the colours in the file, so the colours of a transparent
-/// PNG are not multiplied by alpha.
+/// the picture is opaque. The colours of a transparent PNG are returned as in the file, not multiplied by
+/// alpha. The values of an HDR are divided by the file's [`HdrExposure`].
 ///
 /// A missing file, a file that is not a picture, an animated picture, or a picture that does not fit into memory is a
 /// user error.

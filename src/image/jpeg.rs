@@ -52,8 +52,8 @@ impl Encoding {
         Self { cut: Cut::of(width), height, quality, begun: 0, done: channel() }
     }
 
-    /// Returns a number of rows. Each call of `take` must get a multiple of this number of rows, except the last call,
-    /// which may get any number.
+    /// Returns the number of picture rows in a band. Each call of `take` must get a multiple of this number of rows,
+    /// except the last call, which may get any number.
     pub fn rows_together(&self) -> usize {
         self.cut.rows()
     }
@@ -129,8 +129,8 @@ fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
     let first = bands.first()?;
     let scan = segment(first, START_OF_SCAN)?;
     let mut file = first[..scan].to_vec();
-    // In the segment that starts a frame, the height follows the marker (2 bytes), the segment's length (2
-    // bytes) and the precision (1 byte).
+    // In the segment with the marker `START_OF_FRAME`, the height follows the marker (2 bytes), the segment's
+    // length (2 bytes) and the precision (1 byte).
     let of_height = segment(first, START_OF_FRAME)? + 5;
     file.get_mut(of_height..of_height + 2)?.copy_from_slice(&u16::try_from(height).ok()?.to_be_bytes());
     let [high, low] = u16::try_from(blocks).ok()?.to_be_bytes();
@@ -184,8 +184,8 @@ mod tests {
 
     #[test]
     fn bands_show_what_the_whole_shows() {
-        // The five pictures give, in this order: one band of rows; a band and a single row; only whole bands;
-        // more bands than restart markers have numbers (eight); a width that is not a multiple of 8.
+        // The five pictures have, in this order: one band of rows; a band and a single row; only whole bands;
+        // more bands than the eight different restart markers; a width that is not a multiple of 8.
         for (width, height) in [(40, 30), (40, 129), (64, 256), (33, 128 * 11 + 5), (9, 1)] {
             let picture = picture(width, height);
             let (bands, whole) = (encode(&picture, 95).unwrap(), band(picture.as_raw(), width, 95).unwrap());

@@ -51,7 +51,8 @@ pub struct Radiance {
     /// Red, green and blue of each of the `width * height` pixels.
     pub pixels: Vec<[f32; 3]>,
     /// If the background is transparent, the share of each pixel that surfaces cover, from 0 to 1; otherwise
-    /// empty. If `coverage` is not empty, each element of `pixels` is multiplied by the pixel's coverage.
+    /// empty. If `coverage` is not empty, each element of `pixels` is multiplied by the pixel's coverage, except
+    /// in pictures that were read from files with integer channels, such as PNG files.
     pub coverage: Vec<f32>,
 }
 

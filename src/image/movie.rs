@@ -151,7 +151,7 @@ fn yuv(frame: &RgbImage) -> Vec<u8> {
     planes
 }
 
-/// Returns a pixel's channels as parts of white.
+/// Returns a pixel's channels as numbers from 0 to 1.
 fn parts(rgb: &[u8; 3]) -> [f32; 3] {
     rgb.map(|value| f32::from(value) / 255.0)
 }
@@ -275,7 +275,7 @@ mod tests {
     #[test]
     fn each_frame_of_an_animated_png_is_shown_for_its_part_of_a_second() {
         let file = animated();
-        // The chunk `fcTL` begins with its name and five numbers of 32 bits. Two numbers of 16 bits follow:
+        // In the chunk `fcTL`, five numbers of 32 bits follow the name. Then come two numbers of 16 bits: the
         // numerator and denominator of the frame's delay in seconds.
         let chunks = file.windows(28).filter(|bytes| bytes.starts_with(b"fcTL"));
         let delays: Vec<Vec<u8>> = chunks.map(|chunk| chunk[24..].to_vec()).collect();

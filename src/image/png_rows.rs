@@ -1,5 +1,6 @@
-//! Encodes a PNG while further rows of the picture still arrive. The compression is chosen before the rows are known, so
-//! a picture of noise, which cannot be compressed, takes a third more bytes than its pixels.
+//! Encodes a PNG while further rows of the picture still arrive. The compression is chosen before the rows are known.
+//! The file of a picture of noise, which cannot be compressed, therefore has over a third more bytes than the
+//! picture's pixels.
 
 use super::encode::png_encoder;
 use png::{ColorType, StreamWriter};

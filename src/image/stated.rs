@@ -1,5 +1,5 @@
 //! Compares the header of a Radiance HDR or OpenEXR picture with what raycl assumes about the picture's
-//! channels, colours and projection.
+//! channels, colours, projection and the shape of its pixels.
 
 use crate::words::eight;
 use exr::meta::MetaData;
@@ -16,8 +16,8 @@ pub(super) const CLOSE: f32 = 0.03;
 /// The channels of an OpenEXR picture that the decoder reads.
 const READ: [&str; 4] = ["R", "G", "B", "A"];
 
-/// Returns an error if an OpenEXR picture lacks the channels that the decoder reads (R, G and B). The decoder
-/// also refuses a picture without R, G and B, but its message does not name the channels that the file has.
+/// Returns an error if the decoder can read no layer of an OpenEXR picture, because each layer lacks R, G or B, or is
+/// deep data. The decoder refuses these pictures, too, but its message does not name the channels that the file has.
 /// Pictures in other formats are not checked. The caller puts the file's name before the error's text.
 pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
     let headers = exr_headers(bytes);
@@ -32,8 +32,8 @@ pub fn check_channels(bytes: &[u8]) -> Result<(), String> {
     ))
 }
 
-/// Returns the names of an OpenEXR picture's channels that the decoder does not read: channels other than R, G, B and
-/// A, and all channels of further parts. Pictures in other formats have no such channels.
+/// Returns the names of an OpenEXR picture's channels that the decoder does not read. The decoder reads the channels R,
+/// G, B and A of one layer. For pictures in other formats, and if the decoder can read no layer, returns no names.
 pub fn unread_channels(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let Some(decoded) = headers.iter().position(is_decoded) else { return Vec::new() };
@@ -52,8 +52,8 @@ pub fn unread_channels(bytes: &[u8]) -> Vec<String> {
 pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let header = headers.iter().find(|header| is_decoded(header));
-    // If there is no OpenEXR layer that can be decoded, the bytes are read as a Radiance HDR picture. A
-    // picture of another kind states no chromaticities.
+    // If there is no OpenEXR layer that can be decoded, the bytes are read as a Radiance HDR picture. For other
+    // pictures, `hdr_primaries` returns `None`.
     let stated = header.map_or_else(|| hdr_primaries(bytes), exr_primaries);
     // Some programs write eight zeros instead of chromaticities. A header with eight zeros counts as a header
     // without chromaticities.

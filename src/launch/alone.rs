@@ -17,9 +17,9 @@ pub struct Alone {
 }
 
 impl Alone {
-    /// Builds a program for the first device. `before` defines macros that the kernel files need, `files`
-    /// names the kernel files, and `after` has kernels that call functions of the kernel files. `options` are
-    /// the compiler's options.
+    /// Builds a program for the first device. The program's source consists of the text `before`, the kernel files
+    /// that `files` names, and the text `after`. Usually, `before` defines macros that the kernel files need, and
+    /// `after` has kernels that call functions of the kernel files. `options` are the compiler's options.
     pub fn of([before, after]: [&str; 2], files: &[&str], options: &str) -> Self {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let queue = Queue::open(&device).unwrap();

@@ -124,7 +124,8 @@ impl<'a> Arguments<'a> {
 
     /// Binds a kernel's arguments, in the order in which the manifest (the table of kernels) lists the
     /// kernel's parameters. A parameter may have a condition: the kernel has the parameter only if `holds`
-    /// returns true for this condition. Returns [`LaunchError::Argument`] if no argument fits a parameter.
+    /// returns true for this condition. Returns [`LaunchError::Argument`] if one of the parameters has no
+    /// argument with the same name and a type that fits.
     pub fn bind(
         &self,
         kernel: &'static manifest::Kernel,

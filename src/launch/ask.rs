@@ -1,5 +1,5 @@
-//! Runs a kernel to find out which macros and built-in functions a device's compiler defines. OpenCL itself
-//! reports only extensions.
+//! Runs a kernel to find out which macros and built-in functions a device's compiler defines. OpenCL's own
+//! functions list the names of extensions, but no other macros and no built-in functions.
 
 use super::Queue;
 use crate::error::{Error, Result};
@@ -18,7 +18,8 @@ const ANSWER_WORDS: usize = 2;
 pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed> {
     let mut given = BTreeMap::new();
     loop {
-        // The value of a macro may enable a branch of the source in which a condition uses further macros.
+        // The value of a macro may enable a branch of the source in which a condition uses further macros. The
+        // source is therefore preprocessed again after each round of questions.
         let text = preprocess(&spec.source, &spec.options, &given)?;
         if text.asked.is_empty() {
             return Ok(text);
@@ -61,7 +62,7 @@ fn ask(queue: &Queue, options: &str, asked: &[String]) -> std::result::Result<Ve
     Ok(words.chunks_exact(ANSWER_WORDS).map(value).collect())
 }
 
-/// Returns the source lines of a kernel that write the answer to the question `asked`, which is the answer number `at`.
+/// Returns the source lines of a kernel that write the answer to the question `asked` as answer number `at`, from 0.
 /// The answer to `defined(NAME)` and to `__has_builtin(NAME)` is 1 for yes and 0 for no. An empty macro has the value
 /// 0, and so has a name that is not defined.
 fn question(at: usize, asked: &str) -> String {
@@ -73,8 +74,8 @@ fn question(at: usize, asked: &str) -> String {
     if asked.starts_with("defined(") {
         return yes;
     }
-    // The compiler's preprocessor computes the value, bit by bit. In code, a macro such as (1 << 31) would have
-    // another value, and the name of a macro with parameters would be an error.
+    // The compiler's preprocessor computes the value, bit by bit. In a statement of the kernel, a macro such
+    // as (1 << 31) would have another value, and the name of a macro with parameters would be an error.
     let bit =
         |bit: u32| condition(&format!("({asked} + 0) >> {bit} & 1"), &format!("{bits} |= 1UL << {bit}"));
     let bits: String = (0..u64::BITS).map(bit).collect();

@@ -14,8 +14,8 @@ const HALVINGS: usize = 60;
 pub struct Cost {
     /// The time that the device takes for the whole frame.
     pub whole_ms: f64,
-    /// The costs of the frame's parts per row of pixels, from top to bottom, in any unit. All parts have about the same
-    /// height. Empty if the costs are not known.
+    /// The frame is divided into parts of about the same height. For each part, from top to bottom, this list has the
+    /// cost of a row of pixels, in any unit. Empty if the costs are not known.
     pub parts: Vec<f64>,
 }
 
@@ -132,8 +132,9 @@ mod tests {
     fn a_part_begins_where_its_devices_work_groups_do() {
         let ends = balance(&vec![cost(1.0, &[]); 3]).0;
         assert_eq!(rows(&ends, 100, &[8, 16, 1]), [[0, 32], [32, 67], [67, 100]]);
-        // The device whose work-groups are 64 pixels high gets no part, because its part would have only 3 or
-        // 4 rows.
+        // The part of a device whose work-groups are 64 pixels high can begin only at row 0 or at the end of the
+        // ten rows. In the first case, the second device begins at row 0, so the first device gets no rows. In the
+        // second case, the third device begins at the end, so it gets no rows itself.
         assert_eq!(rows(&ends, 10, &[1, 64, 1]), [[0, 0], [0, 7], [7, 10]]);
         assert_eq!(rows(&ends, 10, &[1, 1, 64]), [[0, 3], [3, 10], [10, 10]]);
         // The nearest row at which a work-group of the third device may begin is row 8, but row 8 belongs to the

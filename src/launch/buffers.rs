@@ -59,7 +59,8 @@ pub fn upload_rows<T: OclPrm>(
 }
 
 /// Makes a read-only buffer that contains the values of all `parts`, one part after another. Unlike [`upload`], this
-/// function needs no list of all values: a copy of a large picture would need memory that no prediction counts.
+/// function needs no single list of all values. To make such a list of a large picture would take memory that raycl
+/// does not count when it predicts how much memory a run needs.
 pub fn upload_joined<T: OclPrm>(queue: &Queue, parts: &[Cow<'_, [T]>]) -> ocl::Result<Buffer<T>> {
     let len = parts.iter().map(|part| part.len()).sum();
     upload_rows(queue, [len, 1], |range, values| copy_joined(parts, range.start, values))
@@ -169,7 +170,8 @@ mod tests {
             read_rows(&queue, &buffer, (2..9, ROW, 1), take).unwrap();
             assert_eq!(read, values[2 * ROW..9 * ROW]);
             assert_eq!(pieces, expected);
-            // A piece has at least the rows that belong together, even if it is larger than usual.
+            // Three rows belong together here, so a piece has three rows, although the second queue's pieces usually
+            // have two.
             let mut together = Vec::new();
             read_rows(&queue, &buffer, (2..9, ROW, 3), |rows, _: &[u32]| together.push(rows.len())).unwrap();
             assert_eq!(together, if expected == [7] { vec![7] } else { vec![3, 3, 1] });
