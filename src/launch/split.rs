@@ -15,14 +15,15 @@ use std::sync::{Arc, Barrier, Mutex};
 use std::thread::Builder;
 use std::time::Instant;
 
-/// Number of parts into which a trial frame is divided. The cost of each part is measured. A trial frame is cast only
-/// to find out how fast the devices are.
+/// Number of parts into which a trial frame is divided, if it has at least as many rows of work-groups. The
+/// cost of each part is measured. A trial frame is cast only to find out how fast the devices are.
 const PARTS: usize = 32;
-/// Largest number of pixel rows in the first trial frame. The limit doubles for each later trial frame, until a trial
-/// frame takes at least [`TRIAL_MS`].
+/// Largest number of pixel rows in the first trial frame. The limit doubles for each later trial frame, until
+/// a trial frame takes the fastest device at least [`TRIAL_MS`].
 const TRIAL_ROWS: u32 = 256;
-/// Minimum time of a trial frame. A shorter frame would not keep all processors of a device busy, and would not show
-/// how the cost is distributed over the frame's rows.
+/// Trial frames become larger until one takes the fastest device at least this time, or has the size of the
+/// full frame. A shorter frame would not keep all processors of a device busy, and would not show how the
+/// cost is distributed over the frame's rows.
 const TRIAL_MS: f64 = 5.0;
 /// Number of casts per measurement. The measurement's result is the smallest or the median time of these
 /// `CASTS` casts.
@@ -47,7 +48,8 @@ pub struct Split<'a> {
     pub sampling: Sampling,
     /// The kernel files from which the devices' programs are built.
     pub sources: &'a Sources,
-    /// The number of times that the frame is cast.
+    /// The number of times that the frame is cast and timed, after a first cast that is not timed; 0 counts
+    /// as 1.
     pub repeat: u32,
     /// True if the image is verified against the reference.
     pub verifies: bool,
@@ -82,7 +84,7 @@ pub struct Share {
     pub build_ms: f64,
     /// Time for uploading the scene to the device.
     pub upload_ms: f64,
-    /// The times of each cast of the device's part of the frame.
+    /// The times of each timed cast of the device's part of the frame.
     pub frames: Vec<FrameTimes>,
     /// Time for reading the device's rows back.
     pub read_ms: f64,
@@ -275,8 +277,8 @@ impl Split<'_> {
                 }
                 Err(Failure::Process(error)) => return Err(error),
                 Err(Failure::Device((left_out, error))) => {
-                    // The objects of the device are never freed: after its failure, freeing them may fail too, and a
-                    // failure there ends the process.
+                    // The device's OpenCL objects are never freed: after a device has failed, freeing an
+                    // object may fail too, and such a failure may end the process.
                     ready.extract_if(.., |one| one.info.label == left_out.device).for_each(std::mem::forget);
                     forget_failures();
                     lost.push((left_out, error));
@@ -316,7 +318,8 @@ impl Split<'_> {
     fn ready(&self, casting: &Casting) -> Result<Ready> {
         let start = Instant::now();
         let Casting { device, strategy, local_size } = casting;
-        // Each device casts trial frames before its part of the frame, so its tree is built for many frames.
+        // If there are several devices, each casts trial frames before its part of the frame. Trees are
+        // therefore built for many frames.
         let session = Session::open(device, self.sources, Arc::clone(&self.scene))?;
         let session = session.among_twins(device.info.program_twin()).with_sampling(self.sampling);
         let prepared = session.verifying(self.verifies).prepare(strategy, self.image_size, *local_size);
@@ -353,10 +356,10 @@ impl Split<'_> {
     }
 
     /// Returns the size of a trial frame. The trial frame grows until it takes the fastest device at least
-    /// [`TRIAL_MS`], until it is the full frame, or until the team has one device. The function measures the time that
-    /// each device takes for each trial frame (the frame, usually at a smaller size). Moves devices that are much
-    /// slower than the fastest from `team` to `left_out`, unless `every_device` is true: for a larger frame, the
-    /// difference would be even larger.
+    /// [`TRIAL_MS`], until it is the full frame, or until the team has one device. The function measures the
+    /// time that each device takes for each trial frame (the frame, usually at a smaller size). Moves devices
+    /// that are much slower than the fastest from `team` to `left_out`: for a larger frame, the difference
+    /// would be even larger. If `every_device` is true, no device is moved.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Tried<[u32; 2]> {
         let mut rows = TRIAL_ROWS;
         loop {
@@ -402,7 +405,8 @@ impl Split<'_> {
     }
 }
 
-/// Returns the error if no device was given: a bug in raycl, since a selection of no device is an error.
+/// Returns the error if no device was given. This would be a bug in raycl: if the user's patterns match no
+/// usable device, raycl reports this before it casts.
 fn no_device() -> Error {
     Error::fault("no device was given to cast the frame")
 }
@@ -477,8 +481,9 @@ fn at_once<A: Sync, B: Send>(all: &[A], work: impl Fn(&A) -> B + Sync) -> Result
     in_threads(all, Builder::new, work)
 }
 
-/// Calls `work` for each element, in a separate thread per element. `builder` makes the builder that starts a
-/// thread. The calls of `work` may wait for each other, so no call begins before all threads have started.
+/// Calls `work` for each element, in a separate thread per element. `builder` returns the [`Builder`] that
+/// starts the next thread. The calls of `work` may wait for each other, so no call begins before all threads
+/// have started.
 fn in_threads<A: Sync, B: Send>(
     all: &[A],
     mut builder: impl FnMut() -> Builder,
@@ -601,7 +606,8 @@ mod tests {
         assert!(error.exit_code() == 1 && error.remedy().contains("a bug in raycl"), "{}", error.remedy());
     }
 
-    /// Returns two devices that are ready. The second one fails when it casts: its work-groups are too large.
+    /// Returns two devices that are ready. When a caster is made for the second device, the device fails,
+    /// because its work-groups are too large.
     fn the_second_fails(split: &Split<'_>) -> Vec<Ready> {
         let castings = castings(&[("cpu-a", "deferred"), ("cpu-b", "deferred")]);
         let mut ready = split.all_ready(&castings).unwrap().0;
@@ -618,7 +624,7 @@ mod tests {
         let LeftOut { device, reason } = &whole.left_out[0];
         let said = "preparing the frame failed: the local size has 1048576 work-items";
         assert!(device == "cpu-b" && reason.starts_with(said), "{device}: {reason}");
-        // Each device that is ready holds the scene until it is freed.
+        // A device that is ready holds the scene until the device is freed.
         assert!(Arc::strong_count(&some.scene) > 1, "a device that failed may break down when it is freed");
         let every = split(1);
         let error = every.cast_ready(the_second_fails(&every), Vec::new()).err().unwrap();
