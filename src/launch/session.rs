@@ -14,9 +14,10 @@ use crate::scene::{Sampling, Scene};
 use crate::strategy::{Afterwards, Cause, HostNeeds, Infeasible, Requirements, Strategy, Workload};
 use std::sync::Arc;
 
-/// A scene on an open device. The session checks that a strategy and its sizes are valid and fit into the memory of
-/// device and host. The session then builds the tree and the program, uploads the scene and the tree, and returns a
-/// `Prepared`, which makes casters. All strategies of a session share the scene.
+/// A scene on an open device. The session checks that a strategy is valid for the image size and the local
+/// size, and that its buffers fit into the memory of device and host. The session then builds the tree and
+/// the program, uploads the scene and the tree, and returns a `Prepared`, which makes casters. All strategies
+/// of a session share the scene.
 pub struct Session {
     queue: Queue,
     scene: Arc<Scene>,
@@ -37,8 +38,9 @@ pub struct Session {
     bytes_beside: u64,
 }
 
-/// [`Session::rounding_stacks`] rounds the sizes of stacks up to multiples of this number of entries. Kernels
-/// traverse a tree with a stack. Most trees need stacks of fewer than `ROUNDED_STACK` entries.
+/// Kernels traverse a tree with a stack. [`Session::rounding_stacks`] rounds the sizes of stacks in private
+/// memory up to multiples of this number of entries. Most trees need stacks of fewer than `ROUNDED_STACK`
+/// entries.
 pub const ROUNDED_STACK: usize = 128;
 
 impl Session {
@@ -88,33 +90,31 @@ impl Session {
         Self { programs, ..self }
     }
 
-    /// Sets `twins_before`: how many devices in front of the session's device in the list of devices have the
-    /// same name. If at least one device with this name precedes the session's device, the session's programs
-    /// get an additional define, so that these programs differ from the other devices' programs. PoCL 5.0 is
-    /// aborted by an assertion (`pocl_release_dlhandle_cache`) if two of PoCL's devices run the same program
-    /// in one process.
+    /// Sets `twins_before`, the number that makes the session's programs differ from those of other devices
+    /// with the same name ([`DeviceInfo::program_twin`]). If this number is above 0, the session's programs
+    /// get an additional define. PoCL 5.0 is aborted by an assertion (`pocl_release_dlhandle_cache`) if two
+    /// of PoCL's devices run the same program in one process.
     #[must_use]
     pub fn among_twins(self, twins_before: usize) -> Self {
         Self { twins_before, ..self }
     }
 
-    /// Adds a program that was built before the scene was loaded, for the next strategy that needs this
-    /// program.
+    /// Adds a program that was built before the session began, for the next strategy that needs this program.
     #[must_use]
     pub fn with_program(self, early: Option<(ProgramSpec, BuiltProgram)>) -> Self {
         Self { early, ..self }
     }
 
-    /// Adds a tree that was built before the device was open, with the strategy for which it was built.
+    /// Adds a tree that was built before the session began, with the strategy for which it was built.
     #[must_use]
     pub fn with_tree(self, early_tree: Option<(Strategy, HostTree)>) -> Self {
         Self { early_tree, ..self }
     }
 
     /// Rounds the sizes of stacks in private memory up to multiples of [`ROUNDED_STACK`] entries. Kernels use
-    /// a stack in private or `__local` memory to traverse a tree. With rounded sizes, one program serves most
-    /// scenes, and can be built before the scene's tree is known. Stacks in `__local` memory are not rounded,
-    /// since larger ones slow a kernel down.
+    /// a stack in private or `__local` memory to traverse a tree. With rounded sizes, most scenes need stacks
+    /// of the same size, so a program can be built before the scene's tree is known. Stacks in `__local`
+    /// memory are not rounded, since larger ones slow a kernel down.
     #[must_use]
     pub fn rounding_stacks(self) -> Self {
         Self { rounds_stacks: true, ..self }
@@ -140,8 +140,8 @@ impl Session {
     }
 
     /// Sets how many samples each pixel gets. With several samples, lights with an extent cast soft shadows.
-    /// All light is cast at full resolution if each pixel gets one sample, if the scene has no soft light, or if
-    /// the sky is a picture.
+    /// `sampling` may ask for soft light at half resolution. The session ignores this request if each pixel
+    /// gets one sample, if the scene has no soft light, or if the sky is a picture.
     #[must_use]
     pub fn with_sampling(self, sampling: Sampling) -> Self {
         let sky = self.scene.sky.as_ref();
@@ -183,8 +183,8 @@ impl Session {
 
     /// Prepares a strategy like [`Self::prepare`], at a local size that the user did not choose. If
     /// work-items share tiles, the number of tiles in a work-group is halved until the work-group fits on the
-    /// device. The work-group is halved again as long as it has more work-items than a compiled kernel
-    /// supports.
+    /// device. If the work-group has more work-items than one of the compiled kernels supports, the
+    /// work-group is halved further, as far as the strategy allows.
     pub fn prepare_fitting(
         &mut self,
         strategy: &Strategy,
@@ -302,8 +302,8 @@ impl Session {
         })
     }
 
-    /// Returns true if the program need not be compiled, because it was built before the scene was loaded or
-    /// is in the cache.
+    /// Returns true if the program need not be compiled, because it was built before the session began or is
+    /// in the cache.
     pub fn has_built(&self, spec: &ProgramSpec) -> bool {
         let early = self.early.as_ref().is_some_and(|(known, _)| known == spec);
         early || BuiltProgram::is_cached(self.queue.device, spec, &self.programs)
@@ -314,9 +314,9 @@ impl Session {
         self.sampling
     }
 
-    /// Returns the program that was built before the scene was loaded ([`Self::with_program`]), or gets the program
-    /// from the cache, or builds it now. Also returns how long this took, in milliseconds; 0 if the program was built
-    /// before the scene was loaded.
+    /// Returns the program that was built before the session began ([`Self::with_program`]), or gets the
+    /// program from the cache, or builds it now. Also returns how long this took, in milliseconds; 0 if the
+    /// program was built before the session began.
     fn program(&mut self, spec: &ProgramSpec) -> std::result::Result<(BuiltProgram, f64), Refused> {
         if let Some((_, program)) = self.early.take_if(|(known, _)| known == spec) {
             return Ok((program, 0.0));
@@ -342,8 +342,8 @@ impl Session {
         let limits =
             DeviceLimits { global_bytes: self.limits.global_bytes.saturating_sub(held_bytes), ..self.limits };
         Requirements::check(strategy, workload, &limits).map_err(|refused| {
-            // Other strategies of the session use only the device's global memory. The reason of a refusal
-            // therefore names their bytes only if global memory is missing.
+            // Of the device's limits, the session's other strategies and frames affect only the limit of
+            // global memory. If another limit is exceeded, the reason therefore does not name their bytes.
             let shared = refused.cause == Cause::GlobalMemory;
             Refused::Device(if shared { beside(refused, held_bytes) } else { refused })
         })?;
@@ -366,8 +366,8 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
 }
 
 /// Halves the longer side of a local size until the local size has at most `most` work-items, or until the
-/// strategy supports no smaller size. If work-items share tiles, a row of the local size is a tile, which
-/// cannot be halved.
+/// strategy supports no smaller size. If work-items share tiles, each row of a work-group casts one tile, so
+/// only the number of rows is halved.
 fn halved(shares_tiles: bool, [mut across, mut down]: [u32; 2], most: usize) -> [u32; 2] {
     while across as usize * down as usize > most {
         if across > down && !shares_tiles {

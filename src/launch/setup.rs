@@ -32,13 +32,14 @@ pub(super) struct Setup<'a> {
     pub tree: Option<&'a Arc<DeviceTree>>,
     /// How work-items that share a tile exchange values.
     pub lanes: LaneOperations,
-    /// The paths of the kernel files in the program that the user added or changed.
+    /// The paths of the program's kernel files that the user added or changed.
     pub own_files: &'a [String],
 }
 
 impl<'a> Setup<'a> {
     /// Returns the program's kernel for a role (some work, such as shading). A program contains only the
-    /// kernels that its frames need. Returns [`LaunchError::Kernel`] if the program lacks this kernel.
+    /// kernels that its strategy and workload need. Returns [`LaunchError::Kernel`] if the program lacks this
+    /// kernel.
     pub fn kernel_for(&self, role: Role) -> Result<&'static manifest::Kernel, LaunchError> {
         let family = self.strategy.family();
         let kernel = family.kernel(role).filter(|kernel| self.strategy.holds_of(kernel.when, self.workload));
@@ -141,7 +142,7 @@ impl Working {
     }
 }
 
-/// Returns the scene's buffers and counts as kernel arguments.
+/// Returns kernel arguments: the scene's buffers, and the numbers of its triangles and lights.
 pub(super) fn scene_arguments<'a>(
     scene: &'a DeviceScene,
     tree: Option<&'a Arc<DeviceTree>>,
@@ -171,8 +172,8 @@ pub(super) fn scene_arguments<'a>(
     surfaces.add_to(arguments)
 }
 
-/// If the workload has soft light, adds the arguments that soft light needs to `arguments`: the sky with the
-/// lights' radii, and the arguments for one sample per pixel.
+/// If the workload has soft light, adds its arguments to `arguments`: the buffer with the sky and the lights'
+/// radii, and the arguments for one sample per pixel.
 pub(super) fn soft_arguments<'a>(
     arguments: Arguments<'a>,
     scene: &'a DeviceScene,
@@ -184,9 +185,9 @@ pub(super) fn soft_arguments<'a>(
     sample_argument(arguments.with("soft", &scene.soft), &Sample::CENTRE)
 }
 
-/// Adds three numbers to `arguments`: which sample of every pixel is cast, how many samples were cast before
-/// this sample, and how many samples the sample's round has (the first samples of a pixel, or the later
-/// ones). If the third number (the number of samples in the round) is 0, kernels compute unoccluded light.
+/// Adds three numbers to `arguments`: how many samples of each pixel were cast before this sample, the
+/// sample's number in its round (a round consists of the first samples of a pixel, or of the later ones), and
+/// the number of samples in the round. If the third number is 0, kernels compute unoccluded light.
 pub(super) fn sample_argument<'a>(arguments: Arguments<'a>, sample: &Sample) -> Arguments<'a> {
     let arguments = arguments.with("earlier", sample.earlier);
     let count = if sample.light == SampleLight::Unoccluded { 0 } else { sample.count };
@@ -199,7 +200,8 @@ pub(super) fn sees_sky(scene: &Scene) -> bool {
     picture.is_some_and(|picture| picture.is_seen)
 }
 
-/// Adds the shadow bias (the distance at which shadow rays start) and the background to `arguments`.
+/// Adds the shadow bias (the gap between a hit and the near end of its shadow rays) and the background to
+/// `arguments`.
 pub(super) fn background_arguments<'a>(arguments: Arguments<'a>, scene: &Scene) -> Arguments<'a> {
     // If rays see a picture of the sky, the background is black, and a later kernel adds the picture.
     let background = if sees_sky(scene) { Vec3::ZERO } else { scene.background };

@@ -14,7 +14,8 @@ use ocl::Buffer;
 use ocl::prm::Float4;
 use std::ops::Range;
 
-/// Casts frames in tiles, each of which is shared by a group of 32 work-items.
+/// Makes the steps (kernels and other commands) of a frame in which each tile is shared by a group of 32
+/// work-items.
 pub(super) struct SharedFrame<'p, 'a> {
     parts: &'p Parts<'a>,
     shared: &'a Shared,
@@ -46,14 +47,14 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
         Self { parts, shared, arguments, fused, shades_leftover }
     }
 
-    /// Returns the steps of a frame. If `fused` is false, the first steps prepare planes and cast the primary rays.
-    /// Further steps follow for each round of lights (a few lights that are processed together). Each round, except
-    /// perhaps the last, has the same number of lights
-    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). The steps of a round prepare planes, cast
-    /// shadow rays, then cast the leftover shadow rays (each by a whole group of 32 work-items), and then shade. If
-    /// `fused` is true, the steps of the first round also cast the primary rays. If `shades_leftover` is true, one
-    /// kernel shades and also casts the leftover shadow rays. A frame without lights and without a sky has one round,
-    /// which only shades.
+    /// Returns the steps of a frame. If `fused` is false, the first steps prepare the eye's planes (if the
+    /// strategy uses planes) and cast the primary rays. Steps for each round of lights (a few lights that are
+    /// processed together) follow. Each round, except perhaps the last, has the same number of lights
+    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). The steps of a round prepare planes
+    /// of the lights (if the strategy uses planes), cast shadow rays, then cast the leftover shadow rays
+    /// (each by a whole group of 32 work-items), and then shade. If `fused` is true, the steps of the first
+    /// round also cast the primary rays. If `shades_leftover` is true, one kernel shades and also casts the
+    /// leftover shadow rays. A frame without lights and without a sky has one round, which only shades.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
@@ -84,11 +85,12 @@ impl<'p, 'a> SharedFrame<'p, 'a> {
         Ok((Pass::Shade, Step::Run(kernel)))
     }
 
-    /// Returns the steps before shading in a round of lights, which begins with the light source `first_light`. The
-    /// first step empties the queue of leftover shadow rays and, if the strategy uses planes, prepares the planes of
-    /// the round's lights. The next step casts the shadow rays. The last step casts the leftover shadow rays; this step
-    /// is missing if `shades_leftover` is true. If `fused` is true, the steps of the first round also prepare the eye's
-    /// planes and cast the primary rays.
+    /// Returns the steps before shading in a round of lights, which begins with the light source
+    /// `first_light`. The first step empties the queue of leftover shadow rays and, if the strategy uses
+    /// planes, prepares the planes of the round's lights. The next step casts the shadow rays. The last step
+    /// casts the leftover shadow rays; this step is missing if `shades_leftover` is true. If `fused` is true,
+    /// the steps of the first round also prepare the eye's planes (if the strategy uses planes) and cast the
+    /// primary rays.
     fn cast_shadow_rays(&self, first_light: usize) -> Result<Steps, LaunchError> {
         let first = self.fused && first_light == 0;
         let pass = if self.fused { Pass::Whole } else { Pass::Shadow };

@@ -1,5 +1,5 @@
-//! The parts of a scene that the strategies of a session share: layouts and trees on the device. A layout or
-//! tree is made when a strategy first needs it.
+//! The parts of a scene on the device that the strategies of a session share: uploads of the scene, each in
+//! one layout of triangles, and trees. An upload or a tree is made when a strategy first needs it.
 
 use super::{DeviceScene, DeviceTree, HostTree, LaunchError, Queue};
 use crate::scene::Scene;
@@ -37,7 +37,8 @@ pub(super) struct PartBytes {
     pub mesh_lists: u64,
 }
 
-/// The layouts and trees of a scene that are on the device, each with its number of bytes on the device.
+/// The uploads of a scene (one per layout) and its trees, each with the number of bytes that it takes on the
+/// device.
 #[derive(Default)]
 pub(super) struct SharedScene {
     layouts: HashMap<LayoutKind, (Arc<DeviceScene>, u64)>,
@@ -50,11 +51,11 @@ impl SharedScene {
         self.trees.get(&Kind::of(strategy).tree?).map(|(tree, _)| Arc::clone(tree))
     }
 
-    /// Returns the bytes of the layouts and trees that are on the device but that `strategy` does not use.
+    /// Returns the bytes of the uploads and trees that are on the device but that `strategy` does not use.
     /// `reads_in_place` is true if the device shares the host's memory. If `reads_in_place` is true, all
-    /// strategies read the same lists of the mesh. The bytes of the mesh's lists then count once, or not at
-    /// all if `strategy` reads the lists too. If `reads_in_place` is false, each tree has its own copy of the
-    /// mesh's lists, and the bytes of every copy count.
+    /// trees with which kernels read the mesh's lists use the same lists. The bytes of these lists then count
+    /// once, or not at all if `strategy` reads the lists too. If `reads_in_place` is false, each of these
+    /// trees has its own copy of the lists, and the bytes of every copy count.
     pub fn bytes_beside(&self, strategy: &Strategy, reads_in_place: bool) -> PartBytes {
         let own = Kind::of(strategy);
         let layouts = self.layouts.iter().filter(|(kind, _)| **kind != own.layout);

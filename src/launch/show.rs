@@ -24,7 +24,7 @@ const BYTES: usize = 3;
 #[derive(Debug)]
 pub struct ShowProgram {
     built: BuiltProgram,
-    /// The paths of the kernel files in the program that the user added or changed.
+    /// The paths of the program's kernel files that the user added or changed.
     own_files: Vec<String>,
 }
 
@@ -105,7 +105,8 @@ impl ShowProgram {
         let show = |piece: Range<usize>| -> ocl::Result<(Buffer<u8>, usize)> {
             kernel.set_arg("first", (piece.start * width) as u64)?;
             kernel.set_arg("count", (piece.len() * width) as u32)?;
-            // SAFETY: `rows` has as many pixels as a piece, and the image contains the piece's pixels.
+            // SAFETY: `rows` has room for the pixels of every piece, and the image contains the piece's
+            // pixels.
             unsafe { kernel.enq()? };
             Ok((rows.clone(), 0))
         };
@@ -122,8 +123,9 @@ impl ShowProgram {
         Ok((counted[1] == 0).then_some(counted[0] as usize))
     }
 
-    /// Builds the kernel for pieces of at most `items` work-items. The kernel reads pixels of `image` and the two
-    /// tables that [`Shown::tables`] returns, writes the displayed pixels to `rows`, and counts pixels in `counts`.
+    /// Builds the kernel for pieces of at most `items` work-items. The kernel reads pixels of `image` and the
+    /// two tables that [`Shown::tables`] returns, and writes the displayed pixels to `rows`. The kernel adds
+    /// two numbers to `counts`: how many pixels hit something, and how many are not finite.
     fn kernel(
         &self,
         queue: &Queue,
@@ -194,8 +196,8 @@ mod tests {
         (bytes, hits)
     }
 
-    /// Returns radiances of every magnitude, and special values. The fourth channel is the share of a pixel's samples
-    /// that hit something: no sample, half of the samples, or all.
+    /// Returns pixels with radiances of many magnitudes, and with special values. The fourth channel is the
+    /// share of a pixel's samples that hit something: no sample, half of the samples, or all.
     fn radiances() -> Vec<Float4> {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let steps = Shown::of(Display::default());

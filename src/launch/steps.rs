@@ -19,8 +19,8 @@ pub(super) enum Step {
     Fill(Buffer<i32>, i32),
     /// Runs a kernel with the same number of work-items in every frame.
     Run(Kernel),
-    /// Runs a kernel in which every work-item casts its own rays. For a frame with several samples per pixel,
-    /// a kernel whose work-items cast their own rays needs more work-items than for one sample per pixel.
+    /// Runs a kernel in which every work-item casts its own rays. In a frame that casts several rays per
+    /// pixel, such a kernel gets more work-items than in a frame with one ray per pixel.
     Cast(Kernel),
 }
 

@@ -153,8 +153,8 @@ mod tests {
         }
     }
 
-    /// Casts a picture of `scene` with `cast`, by the preset `tiles`. Returns the picture and its number of
-    /// hits.
+    /// Prepares the preset named `tiles` for `count` samples per pixel, and calls `cast` to cast a picture of
+    /// `scene`. Returns the picture and its number of hits.
     fn picture(
         device: &Device,
         scene: &Arc<Scene>,
@@ -177,7 +177,9 @@ mod tests {
     fn samples_cast_together_are_those_cast_one_by_one() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let pixels = (SIZE[0] * SIZE[1]) as usize;
-        // Tiles that work-items share take PoCL half a minute to compile. 19 samples take a frame of 16 and one of 3.
+        // PoCL takes half a minute to compile the kernels of `tile-group`, so this preset is tested with only
+        // one number of samples. 19 samples of a pixel are cast in two frames: 16 in the first frame, and 3
+        // in the second.
         let all: [(&str, &str, &[u32]); 3] = [
             ("tile", "scenes/still-life.toml", &[3, 16, 19]),
             ("tile", "scenes/table.toml", &[4, 12, 16]),

@@ -12,7 +12,8 @@ use std::borrow::Cow;
 #[derive(Debug)]
 pub(super) struct DeviceTextures {
     pub words: Buffer<u32>,
-    /// One row per triangle, in the mesh's order: the triangle's texture coordinates and its textures.
+    /// One row per triangle, in the mesh's order. A row contains texture coordinates, and the numbers of the
+    /// triangle's texture and mask.
     pub rows: Buffer<f32>,
     /// True if some textures make holes in triangles.
     cut_outs: bool,
@@ -46,8 +47,9 @@ impl DeviceTextures {
     }
 }
 
-/// Writes a triangle's row, which contains its texture coordinates and its textures. Rows are longer if
-/// textures have mip levels.
+/// Writes a triangle's row: its texture coordinates, and the numbers of its texture and mask. If textures
+/// have mip levels, rows also contain the triangle's normal, with the side of a texel on the triangle as its
+/// length.
 fn write_row(row: &mut [f32], mesh: &Mesh, triangle: usize) {
     let words = mesh.textures.mapped[triangle].to_words();
     let (mapping, texel) = row.split_at_mut(words.len());
@@ -126,7 +128,7 @@ mod tests {
         assert_eq!(words(&mesh.textures).concat()[256..], [260, 2, 1, 0x8000_1201, 7, 8, 9]);
         let mut row = vec![f32::NAN; Mapped::floats(true)];
         write_row(&mut row, &mesh, 0);
-        // The triangle covers 4 x 2 units of length, and 2 x 1 texels.
+        // The triangle has a right angle. Its legs are 4 and 2 units long, and cover 2 texels and 1 texel.
         assert_eq!(row[..6], [0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
         assert_eq!((row[6].to_bits(), row[7].to_bits()), (0, 1));
         assert_eq!(row[8..11], [0.0, 0.0, 2.0]);

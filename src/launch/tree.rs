@@ -26,7 +26,8 @@ pub(super) struct DeviceTree {
     pub(super) leaves: Buffer<f32>,
     /// The data that tiles need for shading; `None` if the strategy casts no tiles.
     pub(super) surfaces: Option<Surfaces>,
-    /// Number of entries of the stack with which a ray traverses the tree: enough for the deepest path, rounded up.
+    /// Number of entries of the stack with which kernels traverse the tree: enough for the deepest path,
+    /// rounded up.
     pub stack_size: usize,
     /// Time for building the tree on the host.
     pub build_ms: f64,
@@ -56,9 +57,10 @@ impl HostTree {
         Ok(Some(Self { wide, build_ms: ms_since(start) }))
     }
 
-    /// Builds the tree before a device is open. Returns `None` if the host lacks memory, if the device does not
-    /// meet the strategy's requirements (memory, for example), or if the build fails: the session reports the
-    /// error later. The function also returns `None` if the strategy uses no tree.
+    /// Builds the tree before a session begins; the device need not be open yet. Returns `None` if the host
+    /// lacks memory, if the device does not meet the strategy's requirements (memory, for example), or if the
+    /// build fails: the session reports the error later. The function also returns `None` if the strategy
+    /// uses no tree.
     pub fn ahead(
         mesh: &Mesh,
         strategy: &Strategy,
