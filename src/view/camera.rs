@@ -8,8 +8,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// The least angle between the view direction and the vertical, in radians: in a vertical view,
 /// left and right would have no meaning.
 const POLE: f64 = 0.02;
-/// The least and the greatest distance of the eye from the pivot (the point towards which the eye zooms), as
-/// factors of the distance of the scene's own camera.
+/// The least and the greatest distance of the eye from the pivot (the point towards which the eye zooms). The
+/// unit is the distance of the scene's own camera from the pivot.
 const DISTANCES: [f64; 2] = [1e-3, 1e3];
 /// An eye counts as being in the centre of its orbit if its distance from the centre is less than this
 /// fraction of the scene's radius.
@@ -22,11 +22,11 @@ pub struct Pose {
     pub turn: f64,
     /// The angle by which the eye is moved upwards around the centre of its orbit, in radians.
     pub tilt: f64,
-    /// The distance from the pivot (the point towards which the eye zooms; see the function `pivot`), as a
-    /// factor of the distance of the scene's own camera.
+    /// The eye's distance from the pivot (the point towards which the eye zooms; see the function `pivot`).
+    /// The unit is the distance of the scene's own camera from the pivot.
     pub distance: f64,
-    /// How far the eye is moved aside and upwards in the picture's plane, as a factor of the eye's distance from the
-    /// pivot.
+    /// How far the eye is moved to the right and upwards in the picture's plane. The unit is the eye's
+    /// distance from the pivot.
     pub aside: [f64; 2],
 }
 

@@ -28,12 +28,12 @@ impl<T: Copy + PartialEq> Choices<T> {
         self.all[self.taken]
     }
 
-    /// Returns copies of this list; in each copy, another of the list's values is the chosen one. In the
-    /// first returned copy, the chosen value is `steps` places further in the list, or further back if
-    /// `steps` is negative. The list is a circle: its first value follows its last value. In each later copy,
-    /// the choice moves by one more place in the direction of `steps`. No copy has the same chosen value as
-    /// this list, with one exception. If the list has several values, and moving by `steps` places leads back
-    /// to its chosen value, the first returned copy equals this list.
+    /// Returns copies of this list, each with another chosen value. In the first copy, the chosen value is
+    /// `steps` places further in the list, or further back if `steps` is negative. The list is a circle: its
+    /// first value follows its last value. In each later copy, the choice moves by one more place in the
+    /// direction of `steps`, but skips this list's chosen value. There is one exception: if the list has
+    /// several values, and moving by `steps` places leads back to this list's chosen value, the first copy
+    /// equals this list.
     pub fn others(&self, steps: isize) -> impl Iterator<Item = Self> + '_ {
         let count = self.all.len() as isize;
         let leads_back = count > 1 && steps % count == 0;

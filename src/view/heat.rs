@@ -16,8 +16,8 @@ use std::sync::Arc;
 /// map is computed again with smaller blocks.
 const BLOCKS: [u32; 3] = [8, 4, 2];
 
-/// The number of trees in memory while tests are counted: the tree of [`Heat`] and, for a strategy that casts
-/// exhaustively, a second tree.
+/// The largest number of trees in memory while tests are counted: the tree of [`Heat`] and, for a strategy
+/// that casts exhaustively, a second tree.
 const MOST_TREES: u64 = 2;
 
 /// The heat map of one scene, which becomes finer step by step.
@@ -62,8 +62,8 @@ impl Heat {
         self.steps = 0;
     }
 
-    /// Returns the next heat map of the scene, seen with `camera` and lit by `lights`. The map is finer than
-    /// the map that the last call returned; returns `None` if the last call returned the finest map. If the
+    /// Returns the next heat map of the scene, seen with `camera` and lit by `lights`. Each map is finer than
+    /// the one before, until [`Self::restart`] is called. Returns `None` after the finest map. If the
     /// strategy casts exhaustively, the map counts the tests of an exhaustive search. If the strategy does
     /// not cast exhaustively, the map counts the tests in a tree. Faces that the strategy culls count as not
     /// hit.

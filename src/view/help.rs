@@ -25,8 +25,8 @@ pub fn panel() -> Result<RgbImage> {
         .map_err(|error| Error::fault(format!("cannot draw the list of keys: {error}")))
 }
 
-/// Draws a panel over the upper left corner of a picture, and returns true. If the picture is smaller than
-/// the panel, draws nothing and returns false.
+/// Draws a panel over the upper left corner of a picture, and returns true. If the panel is wider or higher
+/// than the picture, draws nothing and returns false.
 pub fn lay(panel: &RgbImage, picture: &mut RgbImage) -> bool {
     let fits = panel.width() <= picture.width() && panel.height() <= picture.height();
     if fits {

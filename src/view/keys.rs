@@ -1,6 +1,6 @@
 //! The keys and their actions.
 
-/// A key that has an action.
+/// A key that the user can press. Some characters have no action ([`action`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
     /// A letter or a sign, as typed.
@@ -129,9 +129,9 @@ pub fn action(key: Key) -> Option<Action> {
 /// they were pressed. If one of the keys ends the view, no other key counts. Several steps from strategy to
 /// strategy become one action, so that raycl does not compile the strategies in between. Several steps
 /// through the list of local sizes also become one action, and several changes of the device count as one
-/// change. A new strategy also sets another local size, and a new device also sets another strategy. Two
-/// changes of the same kind (strategy, local size or device) therefore stay separate if a change of another
-/// kind lies between them.
+/// change. A new strategy may come with another local size, and a new device with another strategy and local
+/// size. Two changes of the same kind (strategy, local size or device) therefore stay separate if a change of
+/// another kind lies between them.
 pub fn actions(keys: &[Key]) -> Vec<Action> {
     let all: Vec<Action> = keys.iter().filter_map(|key| action(*key)).collect();
     if all.contains(&Action::Quit) {
@@ -238,15 +238,15 @@ mod tests {
         assert_eq!(of("SsS"), [Action::Strategy(-1)]);
         assert_eq!(of("wwW+w"), [Action::LocalSize(2), Action::Zoom(1.0)]);
         assert!(of("sSwW").is_empty());
-        // Steps before and after a change of strategy or device stay separate, because the change also sets another
-        // local size (and, with a device, another strategy).
+        // Steps before and after a change of strategy or device stay separate, because the change may also
+        // set another local size (and, with a device, another strategy).
         assert_eq!(of("wwsw"), [Action::LocalSize(2), Action::Strategy(1), Action::LocalSize(1)]);
         assert_eq!(
             of("s+dds"),
             [Action::Strategy(1), Action::Zoom(1.0), Action::Device, Action::Strategy(1)]
         );
-        // All keys but those for the strategy, the local size and the device have an effect each time they
-        // are pressed. The key `x` has no action.
+        // Only changes of the strategy, the local size and the device are joined to one action; all other
+        // actions stay separate. The key `x` has no action.
         assert_eq!(of("++x  "), [Action::Zoom(1.0), Action::Zoom(1.0), Action::Spin, Action::Spin]);
         assert_eq!(of("sqw"), [Action::Quit]);
     }
