@@ -28,9 +28,9 @@ const TRIAL_MS: f64 = 5.0;
 /// Number of casts per measurement. The measurement's result is the smallest or the median time of these
 /// `CASTS` casts.
 const CASTS: usize = 3;
-/// A device is left out if it takes more than this many times as long as the fastest device. The slow device
-/// could save at most a tenth of the frame's time. The slow device would cost time if its rows took slightly
-/// longer than measured.
+/// Unless all devices must be used ([`Split::every_device`]), a device is left out if it takes more than this
+/// many times as long as the fastest device. The slow device could save at most a tenth of the frame's time.
+/// The slow device would cost time if its rows took slightly longer than measured.
 const SLOWEST: f64 = 10.0;
 /// The step in which a device casts a frame, for messages.
 const LAUNCH: &str = "the launch";
