@@ -102,9 +102,10 @@ const DRIVERS: [Driver; 6] = [
 /// `SELECTING` are not set to the same values again, a repeated command may measure on other devices, or with
 /// another number of threads. `SELECTING` leaves out variables that schedulers set for each job, such as
 /// `CUDA_VISIBLE_DEVICES`.
-const SELECTING: [&str; 7] = [
+const SELECTING: [&str; 8] = [
     "OCL_ICD_FILENAMES",
     "OCL_ICD_VENDORS",
+    "OPENCL_VENDOR_PATH",
     "POCL_CPU_MIN_CU_COUNT",
     "POCL_DEVICES",
     "POCL_MAX_COMPUTE_UNITS",
@@ -123,7 +124,7 @@ const PLACES: &str = "POCL_AFFINITY=";
 /// Prefixes of variables that drivers, loaders and the thread library Rayon read, including variables for caches, for
 /// logs and for hiding devices. The `environment.json` of a run contains every variable that is set and has one of
 /// these prefixes.
-const PREFIXES: [&str; 23] = [
+const PREFIXES: [&str; 24] = [
     "AMD_",
     "CL_CONFIG_",
     "CUDA_",
@@ -141,6 +142,7 @@ const PREFIXES: [&str; 23] = [
     "NVIDIA_",
     "OCLGRIND_",
     "OCL_ICD_",
+    "OPENCL_",
     "POCL_",
     "RAYON_",
     "ROCR_",
@@ -312,7 +314,7 @@ mod tests {
         for name in ["POCL_MAX_PTHREAD_COUNT", "POCL_VECTORIZER_X", "POCL_DEVICES", "OCL_ICD_VENDORS"] {
             assert!(is_to_be_repeated(name), "{name}");
         }
-        let selecting = "OCL_ICD_FILENAMES OCL_ICD_VENDORS POCL_CPU_MIN_CU_COUNT POCL_DEVICES POCL_MAX_COMPUTE_UNITS \
+        let selecting = "OCL_ICD_FILENAMES OCL_ICD_VENDORS OPENCL_VENDOR_PATH POCL_CPU_MIN_CU_COUNT POCL_DEVICES POCL_MAX_COMPUTE_UNITS \
                          RAYON_NUM_THREADS RUSTICL_ENABLE";
         assert!(selecting.split_whitespace().all(is_to_be_repeated));
         for name in ["PATH", "POCL_CACHE_DIR", "CUDA_VISIBLE_DEVICES", "POCL_VECTORIZER_$(id)"] {
@@ -324,7 +326,7 @@ mod tests {
     #[test]
     fn variables_of_drivers_loaders_and_rayon_are_stored() {
         let prefixes = "AMD_ CL_CONFIG_ CUDA_ DPCPP_CPU_ GALLIVM_ GPU_ HIP_ HSA_ IGC_ INTEL_ LD_PRELOAD LP_ MESA_ NIR_ \
-                        NVIDIA_ OCLGRIND_ OCL_ICD_ POCL_ RAYON_ ROCR_ RUSTICL_ ZE_ ZINK_";
+                        NVIDIA_ OCLGRIND_ OCL_ICD_ OPENCL_ POCL_ RAYON_ ROCR_ RUSTICL_ ZE_ ZINK_";
         assert_eq!(PREFIXES.join(" "), prefixes);
     }
 
@@ -358,6 +360,7 @@ mod tests {
             "GPU_DEVICE_ORDINAL",
             "HIP_VISIBLE_DEVICES",
             "OCL_ICD_VENDORS",
+            "OPENCL_VENDOR_PATH",
             "ROCR_VISIBLE_DEVICES",
             "RUSTICL_ENABLE",
             "ZE_AFFINITY_MASK",

@@ -29,8 +29,14 @@ const LONGEST: Duration = Duration::from_secs(120);
 const LOOK_UP: Duration = Duration::from_millis(50);
 /// The environment variables with paths that a driver, its loader or the system's linker read.
 #[cfg(unix)]
-const PATHS: [&str; 5] =
-    ["LD_LIBRARY_PATH", "OCL_ICD_FILENAMES", "OCL_ICD_VENDORS", "POCL_CACHE_DIR", "TMPDIR"];
+const PATHS: [&str; 6] = [
+    "LD_LIBRARY_PATH",
+    "OCL_ICD_FILENAMES",
+    "OCL_ICD_VENDORS",
+    "OPENCL_VENDOR_PATH",
+    "POCL_CACHE_DIR",
+    "TMPDIR",
+];
 
 /// A task for a background process: to list the devices and, if the task names a program, to compile and
 /// store this program.

@@ -323,6 +323,8 @@ fn vector<'a>(
         })?;
         *value = reading.number(token).ok_or_else(|| {
             let expected = match decimal(token) {
+                // A normal may be as large as single precision allows.
+                Some(_) if what == "normal" => format!("expected a number within +-{:e}", f32::MAX),
                 Some(_) => format!("expected a number within +-{}", reading.limit()),
                 None => "expected a finite decimal number".to_owned(),
             };

@@ -101,7 +101,7 @@ fn a_normal_that_is_not_valid_counts_as_missing() {
         ("vn nan nan nan", "`nan` in a normal; expected a finite decimal number"),
         ("vn inf 0 0", "`inf` in a normal; expected a finite decimal number"),
         ("vn 1.#QNAN 0 0", "`1.#QNAN` in a normal; expected a finite decimal number"),
-        ("vn 0 0 1e300", "`1e300` in a normal; expected a number within +-1e12"),
+        ("vn 0 0 1e300", "`1e300` in a normal; expected a number within +-3.4028235e38"),
         ("vn 0 x 1", "`x` in a normal; expected a finite decimal number"),
         ("vn 0", "a normal with 1 number; expected three: x y z"),
         ("vn", "a normal with 0 numbers; expected three: x y z"),
