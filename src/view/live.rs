@@ -1,5 +1,5 @@
-//! Casts a scene on a device again and again, from the eye's current position and with the current strategy. The code
-//! is the same as that of the command `raycl render`.
+//! Casts a scene on a device again and again, from the eye's current position and with the current strategy. The
+//! pictures are cast by the same code as in the command `raycl render`.
 
 use super::camera::Pose;
 use super::choices::{Choices, local_sizes, strategies};
@@ -37,12 +37,14 @@ pub struct Live {
     sources: Sources,
     loaded: Loaded,
     scene: Arc<Scene>,
-    /// The size of the first picture. The scene's camera is placed so that the scene fits into a picture of this size.
+    /// The size of the first picture. If raycl places the scene's camera, the scene fits into a picture of this size.
     framed: [u32; 2],
     casting: Casting,
-    /// The bytes of the host's memory that the trees of the heat map and of the pointer use.
+    /// The number of bytes of the host's memory that two trees use: the heat map's tree, and the tree with which raycl
+    /// finds the triangle at the pointer.
     pub(super) bytes_of_trees: u64,
-    /// The labels of all devices when they were last listed to change the device; empty before.
+    /// The labels of all devices, as listed when the user last asked for the next device; empty before the user first
+    /// asks for it.
     labels: Vec<String>,
     sum: Sum,
 }
@@ -65,18 +67,20 @@ struct Wanted<'a> {
     sources: &'a Sources,
     scene: &'a Arc<Scene>,
     samples: u32,
-    /// The bytes of the host's memory that the trees of the heat map and of the pointer use.
+    /// The number of bytes of the host's memory that two trees use: the heat map's tree, and the tree with which raycl
+    /// finds the triangle at the pointer.
     bytes_of_trees: u64,
 }
 
-/// The choices of the strategy and of the local size, which the user changes with keys.
+/// The list of strategies and the list of local sizes from which the user chooses with keys. Each list knows which of
+/// its values is chosen now.
 type Selection = (Choices<Strategy>, Choices<[u32; 2]>);
 /// The objects that cast with one strategy.
 type Ready = (Prepared, Caster);
 
 impl Casting {
-    /// Opens a device and prepares it for the first frame, with the user's strategy and local size. If the
-    /// user has named no strategy or no local size, the device's usual strategy or local size is used.
+    /// Opens a device and prepares it for the first frame, with the user's strategy and local size. If the user has
+    /// named no strategy or no local size, raycl chooses one for the device and the scene.
     fn usual_on(device: Device, wanted: &Wanted<'_>) -> Result<Self> {
         let queue = Queue::open(&device)?;
         let selection = usual(wanted.subject, &device, wanted.scene)?;
@@ -93,7 +97,7 @@ impl Casting {
         Ok(Self { device, queue, show, session, strategies, local_sizes, prepared, caster })
     }
 
-    /// Returns the choices of the strategy and of the local size.
+    /// Returns copies of the list of strategies and of the list of local sizes.
     fn selection(&self) -> Selection {
         (self.strategies.clone(), self.local_sizes.clone())
     }
@@ -108,14 +112,14 @@ impl Casting {
 }
 
 impl Live {
-    /// Loads the scene so that it can be seen from all around, and prepares everything for the first frame.
+    /// Loads the scene, and prepares everything for the first frame.
     pub fn open(subject: Subject, samples: u32) -> Result<Self> {
         let sources = Sources::of(subject.cl_dir.clone())?;
         let dressed = !subject.look.plain;
         let loaded = load(&subject, dressed)?;
         let device = one_device(subject.device.as_deref(), &sources)?;
         let scene = Arc::new(loaded.scene.clone());
-        // The heat map and the pointer get their trees later, if these trees fit into the memory that is then free.
+        // The trees of the heat map and of the pointer are built later, if they fit into the memory that is then free.
         let bytes_of_trees = 0;
         let wanted = Wanted { subject: &subject, sources: &sources, scene: &scene, samples, bytes_of_trees };
         let casting = Casting::usual_on(device, &wanted)?;
@@ -136,8 +140,9 @@ impl Live {
         })
     }
 
-    /// Sets how many bytes of the host's memory the trees of the heat map and of the pointer use. When the
-    /// strategy, the device, the scene or the picture's size next changes, these bytes count as used.
+    /// Sets how many bytes of the host's memory two trees use: the heat map's tree, and the tree with which raycl finds
+    /// the triangle at the pointer. When the strategy, the device, the scene or the picture's size next changes, these
+    /// bytes count as used.
     pub fn count_trees(&mut self, bytes_of_trees: u64) {
         self.bytes_of_trees = bytes_of_trees;
         self.casting.session.set_bytes_beside(bytes_of_trees);
@@ -163,8 +168,8 @@ impl Live {
         &self.casting.device.info
     }
 
-    /// Returns the device's name for the user. If several devices have the same common name, the names tell them
-    /// apart as soon as the user has changed the device.
+    /// Returns the device's name for the user. Devices with the same common name get different names once the user has
+    /// asked for the next device.
     pub fn device_name(&self) -> String {
         told_apart(self.device(), &self.labels)
     }
@@ -207,8 +212,8 @@ impl Live {
         self.view(pose).0
     }
 
-    /// Returns the camera and the lights for a position of the eye. Lights that raycl added to a mesh turn
-    /// with the eye around the scene.
+    /// Returns the camera and the lights for a position of the eye. Lights that raycl added to a mesh turn with the eye
+    /// around the scene's vertical axis, but follow no other movement of the eye.
     pub fn view(&self, pose: &Pose) -> (Camera, Vec<Light>) {
         let (camera, lights) = pose.at(&self.scene, &self.loaded.orbit);
         (fitted(camera, self.framed, self.size()), lights)
@@ -219,7 +224,7 @@ impl Live {
         half_height(&fitted(self.scene.camera, self.framed, self.size()), self.size())
     }
 
-    /// Begins a new picture, because the eye has moved.
+    /// Begins a new picture, for example because the eye has moved.
     pub fn moved(&mut self) {
         self.sum.restart();
     }
@@ -247,8 +252,8 @@ impl Live {
         Ok(self.frame_of(to_rgb8(&mean, self.scene.display), hits, &times))
     }
 
-    /// Returns the last frame as an 8-bit picture, and the number of its pixels that hit something; `None` if a pixel
-    /// is not finite.
+    /// Returns the mean of the samples so far as an 8-bit picture, and the number of pixels that hit something; `None`
+    /// if a pixel's value is not finite.
     fn shown(&self) -> std::result::Result<Option<(RgbImage, usize)>, crate::launch::LaunchError> {
         let display = self.scene.display;
         let Casting { show, caster, .. } = &self.casting;
@@ -284,9 +289,10 @@ impl Live {
         self.take(selections.collect(), "strategy")
     }
 
-    /// Changes to the local size that is `steps` steps further in the list, or back if `steps` is negative.
-    /// If the device cannot use this local size, changes to the first usable local size after it (before it,
-    /// if `steps` is negative).
+    /// Changes to the local size that is `steps` steps further in the list, or back if `steps` is negative. If the
+    /// device cannot use this local size, changes to the first usable local size after it (before it, if `steps` is
+    /// negative). There is one exception: if the user has named no local size on the command line, and the work-group
+    /// is too large for the device, raycl may make the work-group smaller instead.
     ///
     /// # Errors
     ///
@@ -305,8 +311,8 @@ impl Live {
     }
 
     /// Changes to the first pair in `selections` (a strategy and a local size) that the device can use. Fails if the
-    /// device can use none of them, or if there is none: the message then says that there is no other `choice`, such as
-    /// "strategy".
+    /// device can use none of them. Also fails if `selections` is empty; in this case, the message says that there is
+    /// no other `choice`, such as "strategy".
     fn take(&mut self, selections: Vec<Selection>, choice: &str) -> Result<()> {
         let mut last = None;
         for selection in selections {
@@ -324,10 +330,10 @@ impl Live {
         })
     }
 
-    /// Changes to the next device, with the strategy and the local size that the user has named on the
-    /// command line. If the user has named no strategy or no local size, the next device's usual strategy or
-    /// local size is used. If the next device cannot be opened or cannot cast the scene, changes to the first
-    /// later device that can cast the scene.
+    /// Changes to the next device, with the strategy and the local size that the user has named on the command line. If
+    /// the user has named no strategy or no local size, raycl chooses one for the next device and the scene. If the
+    /// next device cannot be opened or cannot cast the scene, changes to the first later device that can cast the
+    /// scene.
     ///
     /// # Errors
     ///
@@ -339,8 +345,8 @@ impl Live {
         self.move_to_first(others(self.device(), all))
     }
 
-    /// Changes to the first device in `devices` that can cast the scene. Fails if none can: with the error of the last
-    /// device or, if `devices` is empty, with that of [`only`].
+    /// Changes to the first device in `devices` that can cast the scene. If none of them can cast the scene, returns
+    /// the error of the last device. If `devices` is empty, returns the error of [`only`].
     fn move_to_first(&mut self, devices: Vec<Device>) -> Result<()> {
         let mut last = only(self.device());
         for device in devices {
@@ -392,8 +398,8 @@ impl Live {
     }
 }
 
-/// Loads the scene so that it can be seen from all around. If the scene is animated, a note says that the view shows
-/// only its first frame.
+/// Loads the scene. If raycl places the camera, the camera is so far away that the whole scene is visible from several
+/// angles all around. If the scene is animated, a note says that the view shows only its first frame.
 fn load(subject: &Subject, dressed: bool) -> Result<Loaded> {
     let mut loaded = subject.load(true, dressed)?;
     let frames = loaded.animation.as_ref().map_or(1, |animation| animation.frames);
@@ -430,10 +436,11 @@ fn only(device: &DeviceInfo) -> Error {
     Error::input(format!("{} is the only usable device", device.common_name()))
 }
 
-/// Opens a session: a scene on an open device, for which programs and buffers can be prepared. The new
-/// session is opened before the old session is closed. Both sessions are therefore open for a moment. If the
-/// user changes from a device to its twin (a second device with the same properties), each of the two devices
-/// needs a program of its own.
+/// Opens a session: a scene on an open device, for which programs and buffers can be prepared. When the user changes
+/// the device, the new session is opened before the old session is closed, so both sessions are open for a moment. PoCL
+/// 5.0 aborts the process if two of PoCL's devices run the same program. If the user changes from a CPU to its twin (a
+/// second device with the same properties), each of the two therefore gets a program of its own. Twins that are GPUs
+/// use the same program.
 fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
     let mut session = Session::new(queue.clone(), &device.info, wanted.sources, Arc::clone(wanted.scene))
         .among_twins(device.info.program_twin())
@@ -443,12 +450,13 @@ fn session(queue: &Queue, device: &Device, wanted: &Wanted<'_>) -> Session {
 }
 
 /// Returns the program with which a device with its own memory applies the display transform (exposure, tone curve,
-/// gamma and conversion to 8 bits). Returns `None` if the device uses the host's memory, or if raycl's own program
-/// cannot be built for it. If the device has no program for the display transform, the host applies the transform.
+/// gamma and conversion to 8 bits). Returns `None` if the device uses the host's memory. Also returns `None` if the
+/// program contains none of the user's files and cannot be built for the device. If the device has no program for the
+/// display transform, the host applies the transform.
 ///
 /// # Errors
 ///
-/// Fails if the program is one of the user's files, and does not compile.
+/// Fails if the program contains one of the user's files and cannot be built.
 fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Result<Option<ShowProgram>> {
     if queue.shares_memory {
         return Ok(None);
@@ -457,8 +465,9 @@ fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Result<Option<
     ShowProgram::usable(queue, &spec, &ProgramCache::of(Cache::of_user(), device), (sources, device))
 }
 
-/// Returns the choices of the strategy and of the local size. Each list begins with the user's choice or, if the user
-/// made none, with the usual value for the device.
+/// Returns the list of strategies and the list of local sizes from which the user chooses with keys. The first value of
+/// each list is chosen now: the value that the user has named on the command line or, if the user has named none,
+/// raycl's choice for the device and the scene.
 fn usual(subject: &Subject, device: &Device, scene: &Scene) -> Result<Selection> {
     let (strategy, local_size) = subject.strategy(&device.info, subject.task(scene, 1))?;
     Ok((strategies(strategy, &device.info), local_sizes(local_size)))
@@ -475,10 +484,10 @@ fn ready(
     Ok((prepared, caster))
 }
 
-/// Returns a camera for pictures of `size`, made from `camera`, which was placed for pictures of the size
-/// `framed`. If the new pictures are wider in proportion to their height, the vertical field of view stays
-/// the same. If the new pictures are narrower in proportion, the horizontal field of view stays the same.
-/// Everything that is visible in pictures of the size `framed` therefore stays visible.
+/// Returns the camera for pictures of `size`, made from `camera`, the camera for pictures of the size `framed`. If the
+/// new pictures are wider in proportion to their height, the vertical field of view stays the same. If the new pictures
+/// are narrower in proportion, the horizontal field of view stays the same. Everything that is visible in pictures of
+/// the size `framed` therefore stays visible.
 fn fitted(camera: Camera, framed: [u32; 2], size: [u32; 2]) -> Camera {
     let [aspect, old_aspect] = [size, framed].map(|[width, height]| f64::from(width) / f64::from(height));
     if aspect == old_aspect {

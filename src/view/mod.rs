@@ -35,7 +35,7 @@ use std::time::{Duration, Instant};
 /// The angle by which the eye goes around the scene, in radians, if the pointer is dragged by the picture's
 /// height.
 const DRAG: f64 = 3.0;
-/// The angle by which the eye spins with each frame, in radians: a whole turn in 360 frames.
+/// The angle by which the eye goes around the scene with each frame of a spin, in radians: a whole turn in 360 frames.
 const SPIN: f64 = std::f64::consts::TAU / 360.0;
 /// While there is nothing to cast, the view sleeps for this time before it looks for the user's input again.
 const REST: Duration = Duration::from_millis(8);
@@ -154,8 +154,8 @@ impl<S: Screen> Viewer<S> {
         Ok((self.live, total))
     }
 
-    /// Casts and shows the next frame, and returns true. If nothing has changed and all samples are cast,
-    /// there is no next frame, and the function returns false.
+    /// Casts and shows the next frame, and returns true. If nothing has changed since the last sample or the finest
+    /// heat map was shown, there is no next frame, and the function returns false.
     fn show_next(&mut self) -> Result<bool> {
         if self.spins && self.rate.frames() > 0 {
             self.go(Action::Orbit([SPIN, 0.0]));
@@ -203,9 +203,9 @@ impl<S: Screen> Viewer<S> {
         Ok(())
     }
 
-    /// Shows the list of keys as lines of text over the picture. raycl calls this function if the picture is
-    /// too small for a drawing of the list of keys. If the screen writes no text over pictures, the line
-    /// beside the picture shows the keys, unless this line already tells the user something else.
+    /// Shows the list of keys as lines of text over the picture. raycl calls this function if the picture is too small
+    /// for a drawing of the list of keys. If the screen writes no text over pictures, the line beside the picture shows
+    /// the keys, unless `answer` already has another text for this line.
     fn list_keys(&mut self) -> Result<()> {
         let lines: Vec<String> = keys::lines().collect();
         if !self.screen.write_over(&lines)? && self.answer.is_none() {
@@ -322,8 +322,8 @@ impl<S: Screen> Viewer<S> {
         self.changed();
     }
 
-    /// Begins a new picture or heat map, because the eye, the scene, the strategy, the local size, the device
-    /// or the picture's size has changed.
+    /// Begins a new picture or heat map after a change of the eye's position, the scene, the strategy, the local size,
+    /// the device or the picture's size. A new picture also begins if such a change has failed.
     fn changed(&mut self) {
         self.live.moved();
         self.picked = None;
@@ -332,8 +332,8 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Makes a change for which the program of `strategy` must be compiled; first names the strategy. Returns
-    /// true if the change succeeded.
+    /// Makes a change for which raycl may have to compile the program of `strategy`. Before the change, the line beside
+    /// the picture says that raycl compiles this strategy. Returns true if the change succeeded.
     fn compiled(&mut self, strategy: Strategy, change: impl FnOnce(&mut Live) -> Result<()>) -> bool {
         self.announced(&title::compiling(&strategy), change)
     }

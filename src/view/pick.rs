@@ -55,12 +55,12 @@ pub fn pick(
     })
 }
 
-/// Finds the triangles of a scene that pixels show, by means of a tree. Another thread builds the tree when the pointer
-/// is over the picture for the first time, and again after the scene or the strategy's culling has changed.
+/// Finds out which triangle of a scene a pixel shows, by means of a tree. Another thread builds the tree when the
+/// pointer is over the picture for the first time, and again after the scene or the strategy's culling has changed.
 #[derive(Default)]
 pub struct Picker {
-    /// The scene and the culling of the tree that was built, is being built or was refused last; `None` before the
-    /// first tree.
+    /// The scene and the culling for which a tree was last asked for, even if the tree was refused; `None` before a
+    /// tree was first asked for.
     of: Option<(Arc<Scene>, Culling)>,
     building: Option<JoinHandle<Tree>>,
     tree: Option<Tree>,
@@ -91,8 +91,8 @@ impl Picker {
     }
 
     /// Begins to build the tree of a scene, unless this tree was asked for last. Begins only after the previous tree is
-    /// complete. Otherwise, if a scene changed quickly, the trees of several of its versions would be in memory
-    /// together.
+    /// complete. If the function did not wait for the previous tree, and a scene changed quickly, the trees of several
+    /// versions of the scene would be in memory together.
     fn ask_for_tree(
         &mut self,
         scene: &Arc<Scene>,
@@ -200,7 +200,7 @@ mod tests {
     fn a_second_tree_is_built_only_after_the_first() {
         let [first, second] = [0; 2].map(|_| Arc::new(fixtures::single_triangle()));
         let mut picker = Picker { of: Some((Arc::clone(&first), Culling::None)), ..Picker::default() };
-        // This thread, which waits until `sender` is dropped, builds the first tree.
+        // The thread that builds the first tree waits until `sender` is dropped.
         let (sender, receiver) = channel::<()>();
         let mesh = Arc::clone(&first.mesh);
         let slow = move || {

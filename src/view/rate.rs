@@ -3,11 +3,10 @@
 use crate::measure::median_of;
 use std::time::{Duration, Instant};
 
-/// The time after which the line of text beside the picture is renewed.
+/// The time after which the rates are computed again, and shown in the line of text beside the picture.
 const PERIOD: Duration = Duration::from_millis(250);
 
-/// Counts the frames since the start, and the frames since the line of text beside the picture was last
-/// renewed.
+/// Counts the frames since the start, and the frames since the rates were last computed ([`Rate::recent`]).
 pub struct Rate {
     first: Option<Instant>,
     last: Instant,
@@ -87,16 +86,16 @@ impl Rate {
         self.recent.ms += ms;
     }
 
-    /// Forgets the device times and the rays that were counted so far, because the next frames are cast with
-    /// another strategy, local size, device, picture size or scene.
+    /// Forgets the device times and the rays that were counted so far, because the next frames are cast with another
+    /// strategy, local size, device or picture size, or from changed files.
     pub fn switched(&mut self) {
         self.times_ms.clear();
         self.rays = 0.0;
         (self.recent.rays, self.recent.ms, self.shown[1]) = (0.0, 0.0, 0.0);
     }
 
-    /// Returns frames per second and rays per second of device time. The returned `bool` is true if these
-    /// rates have been computed since the last call.
+    /// Returns the frames per second of elapsed time, and the rays per second of device time. The returned `bool` is
+    /// true if this call has computed the rates, and false if it returns earlier rates.
     pub fn recent(&mut self) -> ([f64; 2], bool) {
         let elapsed = self.recent.since.elapsed();
         let is_over = elapsed >= PERIOD;

@@ -60,8 +60,8 @@ pub trait Screen {
         self.tell(line)
     }
 
-    /// Writes lines of text over the picture, from its upper left corner, until the next picture is shown.
-    /// Returns false, and leaves the picture as it is, if the screen writes no text over pictures.
+    /// Writes lines of text over the picture, from its upper left corner. The next picture replaces the text. Returns
+    /// false, and leaves the picture as it is, if the screen writes no text over pictures.
     fn write_over(&mut self, _lines: &[String]) -> Result<bool> {
         Ok(false)
     }

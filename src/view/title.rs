@@ -29,10 +29,11 @@ pub fn line(
     printer::line(&line).into_owned()
 }
 
-/// The line that is shown while another device is listed and opened, and its program is compiled.
+/// The line that is shown while raycl lists the devices, opens another device, and compiles a program for this device.
 pub const OPENING: &str = "opening the next device ...";
 
-/// Returns the line that is shown while the program of a strategy is compiled.
+/// Returns the line that is shown while raycl changes the strategy or the local size, or reads changed files if
+/// `--cl-dir` is given. raycl may then have to compile the program of `strategy`.
 pub fn compiling(strategy: &Strategy) -> String {
     printer::line(&format!("compiling {} ...", short_name(strategy))).into_owned()
 }

@@ -4,8 +4,9 @@
 use image::RgbImage;
 use std::fmt::Write as _;
 
-/// Returns a picture as lines of half blocks, one line for two rows of pixels. Each line ends with `end`. Colours are
-/// written only where they change. If the number of rows is odd, both halves of the last line show the last row.
+/// Returns a picture as lines of half blocks, one line for two rows of pixels. Each line ends with `end`. Codes for
+/// colours are written at the beginning of each line, and then only where the colours change. If the number of rows is
+/// odd, both halves of the last line show the last row.
 pub fn blocks(picture: &RgbImage, end: &str) -> String {
     let [width, height] = [picture.width(), picture.height()];
     let mut text = String::new();

@@ -1,6 +1,6 @@
 //! Every movement of the pointer with a button down, and every step of the wheel, as events of an X server. minifb, the
-//! library that opens windows, reports only which buttons are down at present, and where the pointer is. A drag that
-//! begins and ends between two frames would therefore be lost.
+//! library that opens windows, does not report these movements, but only which buttons are down at present, and where
+//! the pointer is. A drag that begins and ends between two frames would therefore be lost.
 //!
 //! minifb also ignores the events with which an X server says that a part of the window's picture is lost, for
 //! example because another window covered it. Any number of programs may receive these events.
@@ -120,7 +120,8 @@ mod tests {
 
     #[test]
     fn a_step_of_the_wheel_away_from_the_user_is_positive() {
-        // X servers report a step away from the user as a press of button 4, and towards the user as one of button 5.
+        // X servers report a step away from the user as a press of button 4, and a step towards the user as a press of
+        // button 5.
         let steps = |detail: u8| wheel(&ButtonPressEvent { detail, ..ButtonPressEvent::default() });
         assert_eq!([4, 5, 1].map(steps), [1.0, -1.0, 0.0]);
     }

@@ -22,7 +22,7 @@ pub struct SharedMemory {
     connection: RustConnection,
     window: Window,
     context: Gcontext,
-    /// Bits of the colour of the window's pixels.
+    /// The number of bits of a pixel's colour in the window.
     depth: u8,
     /// The memory of one picture; `None` before the first picture.
     memory: Option<Memory>,
@@ -45,8 +45,9 @@ impl SharedMemory {
         let (connection, _) = RustConnection::connect(None).ok()?;
         let orders_bytes_alike = connection.setup().image_byte_order == BYTE_ORDER;
         let version = connection.shm_query_version().ok()?.reply().ok()?;
-        // Version 1.2 is the first one in which a program passes the memory as an open file. (The server could pass it,
-        // too. But if another program forwards the connection, the file does not arrive, and x11rb panics.)
+        // Since version 1.2 of the extension, a program can pass the memory to the server as an open file. (The server
+        // could also pass an open file to the program. But if another program forwards the connection, this file does
+        // not arrive, and the crate x11rb panics.)
         let passes_files = (version.major_version, version.minor_version) >= (1, 2);
         let depth = connection.get_geometry(window).ok()?.reply().ok()?.depth;
         let context = connection.generate_id().ok()?;

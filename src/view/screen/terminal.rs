@@ -24,7 +24,7 @@ const REST_OF_ANSWER: Duration = Duration::from_millis(20);
 /// The escape codes that select the terminal's default colours and clear the screen.
 const CLEAR: &str = "\x1b[0m\x1b[2J";
 
-/// The terminal at standard output, or a file that will be shown on a terminal.
+/// The terminal at standard output, or a pipe or a file whose contents will be shown in a terminal.
 pub struct Terminal {
     out: Stdout,
     /// The size of the last picture or, before the first picture, the size for which the terminal has room.
@@ -93,9 +93,8 @@ impl Terminal {
         room(self.graphics, self.cells, self.cell_pixels)
     }
 
-    /// Returns the part of the picture, from its upper left corner, for which the terminal has room. The
-    /// terminal has room for the whole picture, unless the terminal has become smaller since the picture was
-    /// cast.
+    /// Returns the size of the part of the picture, from its upper left corner, for which the terminal has room. The
+    /// terminal has room for the whole picture, unless the terminal has become smaller since the picture was cast.
     fn visible(&self) -> [u32; 2] {
         let room = self.room();
         [0, 1].map(|axis| self.size[axis].min(room[axis]))
@@ -298,8 +297,8 @@ fn failed(error: std::io::Error) -> Error {
         .with_help("without --terminal, raycl opens a window instead")
 }
 
-/// Adds a key to the input, unless the event is the key's release. Ctrl-C closes the view; all other keys are
-/// ignored while Ctrl is held. An Escape before the key counts ([`follows_escape`]).
+/// Adds a key to the input, unless the event is the key's release. Ctrl-C closes the view; all other keys are ignored
+/// while Ctrl is held. If Escape may have been pressed just before the key, first adds Escape ([`follows_escape`]).
 fn pressed(input: &mut Input, key: KeyEvent) {
     if key.kind == KeyEventKind::Release {
         return;

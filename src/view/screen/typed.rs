@@ -23,7 +23,7 @@ impl Focus {
     }
 }
 
-/// Collects keys as soon as they are pressed, so that a short tap counts even if a frame takes long.
+/// Collects every press of a key, so that a tap counts even if it begins and ends during one frame.
 pub struct Typed {
     sender: Sender<Key>,
     /// The keys that are down, as far as this window knows.
@@ -36,7 +36,7 @@ pub struct Typed {
 }
 
 impl Typed {
-    /// Sends the keys of the window whose focus is `focus`.
+    /// Makes a collector that sends the keys of a window to `sender`. `focus` notices when this window loses the focus.
     pub fn new(sender: Sender<Key>, focus: &Focus) -> Self {
         let lost_focus = Rc::clone(&focus.was_lost);
         Self { sender, down: Vec::new(), lost_focus, is_held: false }

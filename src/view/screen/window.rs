@@ -43,8 +43,8 @@ pub struct Window {
     pixels: Vec<u32>,
     /// The position of the pointer when `drag` was last called; `None` if no button was down at that time.
     dragged: Option<[f64; 2]>,
-    /// The events of the pointer; `None` without an X server: raycl can then only ask for the pointer's
-    /// position.
+    /// The events of the pointer; `None` if no X server sends them. In this case, raycl asks minifb once per frame
+    /// where the pointer is and which buttons are down.
     #[cfg(unix)]
     events: Option<Pointer>,
     /// The memory that raycl shares with the X server; `None` if minifb shows the pictures.
@@ -216,8 +216,9 @@ impl Screen for Window {
     }
 }
 
-/// Returns the options of the window. Until a picture of the window's new size is cast, the last picture lies unscaled
-/// in the upper left corner, so that the pointer's position in the window is also its position in the picture.
+/// Returns the options of the window. If the window's size changes, the last picture lies unscaled in the upper left
+/// corner until a picture of the new size is cast. The pointer's position in the window is therefore always its
+/// position in the picture, too.
 fn options() -> WindowOptions {
     WindowOptions { resize: true, scale_mode: ScaleMode::UpperLeft, ..WindowOptions::default() }
 }

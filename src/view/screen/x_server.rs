@@ -1,6 +1,6 @@
-//! Asks an X server, before a window opens, how it stores pixels. minifb is the library that opens windows. If the
-//! pixels of the display do not have 32 bits, minifb frees memory twice, and the process ends. If the display stores
-//! red, green and blue in other bits than minifb writes, the window shows wrong colours.
+//! Asks an X server how the server stores pixels, before a window opens. minifb is the library that opens windows. If
+//! the pixels of the display do not have 32 bits, minifb frees memory twice, and the process ends. If the display
+//! stores red, green and blue in other bits than minifb writes, the window shows wrong colours.
 
 use x11rb::connection::Connection as _;
 use x11rb::rust_connection::RustConnection;
@@ -12,9 +12,9 @@ pub const MOST_PIXELS: u32 = i16::MAX as u32;
 /// How a display stores the pixels of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pixels {
-    /// Bits of a pixel's colour.
+    /// The number of bits of a pixel's colour.
     pub depth: u8,
-    /// Bits that a pixel takes in memory.
+    /// The number of bits that a pixel takes in memory.
     pub bits: u8,
     /// The bits of a pixel that store red, green and blue.
     pub masks: [u32; 3],
