@@ -26,8 +26,8 @@ use image::RgbImage;
 pub struct Input {
     /// The keys that were pressed or held.
     pub keys: Vec<Key>,
-    /// The drag that moves the eye around the scene. The numbers are the drag's distances to the right and down, divided
-    /// by the picture's height.
+    /// The drag that moves the eye around the scene. The numbers are the drag's distances to the right and down,
+    /// divided by the picture's height.
     pub orbit: [f64; 2],
     /// The drag that moves the eye sideways, up or down. The numbers are as in `orbit`.
     pub pan: [f64; 2],
