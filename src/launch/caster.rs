@@ -39,7 +39,7 @@ pub struct Caster {
     /// The two half pictures (pictures of half the width and height) in which soft light is cast; `None` if
     /// soft light is not cast at half resolution.
     half_light: Option<Box<HalfLight>>,
-    /// The finest division of a pixel in a frame: 2^`most_bits` sub-pixels across and as many down, each with
+    /// The finest division of a pixel in a frame: 2^`most_bits` sub-pixels across and as many down, each with at most
     /// one sample.
     most_bits: u32,
     /// Number of rays in a tile, across and down, if a frame can cast only some of the tiles; `None` if every
@@ -52,8 +52,8 @@ pub struct Caster {
     has_own_file: bool,
     records_ms: Option<f64>,
     _bytes: Option<FrameBytes>,
-    /// The tree, whose buffers the kernels use. Some of the tree's buffers may be lists in the memory of the
-    /// mesh. The caster's reference to the tree keeps the tree's buffers and the mesh from being freed.
+    /// The tree, whose buffers the kernels use. Some of these buffers may use the memory of the mesh's lists. This
+    /// reference keeps the buffers, and the lists that they use, from being freed.
     _tree: Option<Arc<DeviceTree>>,
 }
 
@@ -161,9 +161,9 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Sets the background, the shadow bias, the exposure and the tone curve to those of a scene, starting
-    /// with the next frame. Blocks of pixels get more samples if they are rough: if their pixels, displayed
-    /// with this exposure and tone curve, differ visibly.
+    /// Sets the background, the shadow bias, the exposure and the tone curve to those of a scene, starting with the
+    /// next frame. The exposure and the tone curve also decide which blocks of pixels are rough and get more samples:
+    /// blocks in which neighbouring pixels differ visibly when they are displayed.
     pub(super) fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
         if let Some(samples) = &self.samples {
             samples.show(scene.display)?;
@@ -176,10 +176,10 @@ impl Caster {
     }
 
     /// Casts a picture with the samples that `sampling` asks for. If `sampling` is adaptive, only rough blocks of
-    /// pixels get all samples. A frame casts several samples at once, if the strategy supports several samples per
-    /// frame. The image becomes the mean of the samples. If `sampling` asks for soft light at half resolution, two
-    /// pictures of half the width and height are cast, too. The image is multiplied by the filtered ratio of these two
-    /// pictures. Returns the total times of all frames.
+    /// pixels get all samples. A frame may cast several samples at once, if the strategy supports this for the scene.
+    /// The image becomes the mean of the samples. If `sampling` asks for soft light at half resolution, two pictures of
+    /// half the width and height are cast, too. The light from surfaces in the image is then multiplied by the filtered
+    /// ratio of these two pictures. Returns the total times of all frames.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let times = self.cast_rounds(camera, sampling)?;
         let Some(half) = self.half_light(sampling) else { return Ok(times) };
@@ -224,9 +224,9 @@ impl Caster {
     }
 
     /// Casts the samples in at most two rounds: the first samples of every pixel, then the later samples of rough
-    /// blocks (blocks whose pixels differ visibly after the first samples). There is no second round if `sampling` is
-    /// not adaptive, or if no block is rough. Does not cast soft light at half resolution. Returns the total times,
-    /// which include the time for finding rough blocks.
+    /// blocks (blocks in which neighbouring pixels differ visibly after the first samples). There is no second round if
+    /// `sampling` is not adaptive, or if no block is rough. Does not cast soft light at half resolution. Returns the
+    /// total times, which include the time for finding rough blocks.
     fn cast_rounds(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
         let Some(samples) = &self.samples else { return self.cast_round(camera, &first, None) };
@@ -241,9 +241,9 @@ impl Caster {
         if rough == 0 { Ok(times) } else { Ok(times.and(&self.cast_round(camera, &rest, Some(rough))?)) }
     }
 
-    /// Casts the given samples of each pixel. One frame casts several samples, if the strategy supports
-    /// several samples per frame. `rough` is the number of rough blocks (blocks of pixels that differ
-    /// visibly) if only these blocks get the samples, and `None` otherwise.
+    /// Casts the given samples of every pixel or, if `rough` is not `None`, only of the pixels in rough blocks (blocks
+    /// in which neighbouring pixels differ visibly). `rough` is then the number of these blocks. One frame may cast
+    /// several samples, if the strategy supports this for the scene.
     pub(super) fn cast_round(
         &self,
         camera: &Camera,
@@ -292,8 +292,8 @@ impl Caster {
         if let Some(numbers) = self.samples.as_ref().filter(|_| self.most_bits > 0) {
             numbers.set_positions(&self.queue, samples)?;
         }
-        // If only rough blocks get samples and each block consists of whole tiles, only the tiles of rough blocks are
-        // cast.
+        // Only the tiles of rough blocks are cast if only these blocks get samples, if each block consists of whole
+        // tiles, and if the frame can leave out tiles (`self.tile`).
         let tiles =
             rough.zip(self.tile).and_then(|(blocks, tile)| Some(blocks * tiles_of_block(tile, bits)?));
         let listed = if tiles.is_some() { rough.unwrap_or(0) } else { 0 };

@@ -28,10 +28,10 @@ impl<T: OclPrm> Lent<T> {
         let values = list(mesh);
         let buffer = if queue.shares_memory && !values.is_empty() {
             let builder = Buffer::builder().queue(queue.commands.clone()).flags(MemFlags::READ_ONLY);
-            // SAFETY: the buffer is read-only, so that no command writes the list. The list in the buffer
-            // belongs to the mesh, and `_mesh` keeps the mesh alive as long as the buffer. A caster owns the
-            // tree with the buffers of its kernels, and `drop` waits until no command uses the buffer. No
-            // command uses two buffers of the same list of the mesh.
+            // SAFETY: the buffer is read-only, so that no command writes the list. The list in the buffer belongs to
+            // the mesh, and `_mesh` keeps the mesh alive as long as the buffer. A caster keeps the tree, whose buffers
+            // the caster's kernels use, and `drop` waits until no command uses the buffer. No command uses two buffers
+            // of the same list of the mesh.
             unsafe { builder.use_host_slice(values) }.len(values.len()).build()?
         } else {
             upload(queue, values)?

@@ -2,7 +2,7 @@
 //! long the kernels took.
 //!
 //! A [`Queue`] is a device ready for commands. A [`Session`] is a scene on a device. The session turns a strategy into
-//! a [`Prepared`], which makes a [`Caster`] for each frame. A caster can cast its frame repeatedly.
+//! a [`Prepared`], which makes a [`Caster`] for frames of one size. A caster can cast such a frame repeatedly.
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]

@@ -19,8 +19,8 @@ fn results_of(device: &Alone, kernel: &str, len: usize) -> Vec<u64> {
     device.results(len, |results| device.kernel(kernel, 1).arg(results).arg(&buffer).build())
 }
 
-/// Returns the addresses of a work-item's nine working vectors in the scratch buffer, in bytes. `functions` are macros
-/// that replace functions of OpenCL C, such as `get_global_size`.
+/// Returns the addresses of a work-item's nine working vectors, in bytes from the start of the scratch buffer.
+/// `functions` are macros that replace functions of OpenCL C, such as `get_global_size`.
 fn addresses_of_vectors(functions: &str) -> Vec<u64> {
     // In this test's kernel, reading a working vector returns not the vector's value but the address of its
     // first number.

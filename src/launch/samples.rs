@@ -20,10 +20,10 @@ use std::time::Instant;
 /// The buffers on the device for several samples per pixel, and the kernel that marks rough blocks (which get
 /// more samples).
 pub(super) struct Samples {
-    /// For each block of pixels, the largest number of samples that each pixel of the block gets.
+    /// For each block of pixels, how many samples each pixel of the block gets at most.
     wanted: Buffer<u32>,
-    /// The positions of the rough blocks (blocks whose pixels differ visibly after the first samples). Only
-    /// rough blocks get further samples after the first samples of every pixel.
+    /// The positions of the rough blocks (blocks in which neighbouring pixels differ visibly after the first samples).
+    /// Only rough blocks get further samples after the first samples of every pixel.
     rough: Buffer<u32>,
     /// The number of rough blocks.
     rough_counter: Buffer<u32>,
@@ -298,7 +298,7 @@ mod tests {
         const SIDES: [usize; 2] = [13, 9];
         /// The exposure with which the picture is displayed.
         const EXPOSURE: f32 = 15.0;
-        /// The number of samples in rough blocks.
+        /// The number of samples that each pixel of a rough block gets.
         const MOST: u32 = 64;
 
         fn new() -> Self {
@@ -428,8 +428,8 @@ mod tests {
         }
     }
 
-    /// The blocks that get more samples are those in which the picture shows a difference, also with a tone curve
-    /// other than the usual one. The square of the brightest radiance is infinite in single precision.
+    /// With the filmic tone curve, too, a block gets more samples if its displayed pixels differ by more than the
+    /// limit. The square of the brightest radiance is infinite in single precision.
     #[test]
     fn pixels_are_compared_as_their_tone_curve_shows_them() {
         let mut marking = Marking::new();

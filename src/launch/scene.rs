@@ -137,15 +137,16 @@ fn light_floats(lights: &[Light]) -> Vec<f32> {
     lights.iter().flat_map(floats).collect()
 }
 
-/// Returns the factor by which the kernels multiply the offset of a light's sample point from its position.
-/// For a light with the shape of a ball, the factor is the light's radius. For an area light, the factor is
-/// 1, since the vectors of the light's edges already have the edges' lengths.
+/// Returns the factor by which the kernels multiply the offset of a sample point from the light's position. For a light
+/// with the shape of a ball, the factor is the light's radius. For an area light, the factor is 1, since the vectors of
+/// the light's edges already have the edges' lengths.
 fn radius(light: &Light) -> f32 {
     if light.area.is_some() { 1.0 } else { light.radius }
 }
 
-/// Returns the sky (zeros if there is none), then the lights' radii, in the layout of `cl/common/soft.cl`. A sky with a
-/// picture has the layout of `cl/common/environment.cl`, and its texels are the second part.
+/// Returns two parts. The first part has the sky (zeros if there is none), then the lights' radii, in the layout of
+/// `cl/common/soft.cl`. If the sky has a picture, the first part has the layout of `cl/common/environment.cl`, and the
+/// second part has the picture's texels.
 fn soft_floats(scene: &Scene) -> [Cow<'_, [f32]>; 2] {
     let mut floats = vec![0.0; SOFT_HEAD_FLOATS];
     let picture = scene.sky.as_ref().and_then(|sky| sky.picture.as_deref());

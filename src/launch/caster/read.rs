@@ -10,7 +10,8 @@ use image::RgbImage;
 use ocl::prm::Float4;
 use rayon::prelude::*;
 
-/// Least number of pixels, in whole rows, that the host converts before it passes them on.
+/// The host converts at least this many pixels, in whole rows, before it passes them on. The last rows may have fewer
+/// pixels.
 const PIXELS_TOGETHER: usize = 1 << 17;
 
 impl Caster {
@@ -44,7 +45,7 @@ impl Caster {
     /// Reads the displayed image of the last frame. The program `program` applies the display transform on the device;
     /// if `program` is `None`, the host applies it. Each call of `take` passes some of the rows, from the top to the
     /// bottom, with three bytes per pixel (red, green and blue). Each call except the last passes a multiple of
-    /// `together` rows, which may be none. Returns the number of pixels that hit something, or `None` if a pixel is not
+    /// `together` rows, or no rows. Returns the number of pixels that hit something, or `None` if a pixel is not
     /// finite, since it cannot be displayed.
     pub fn show(
         &self,
@@ -118,8 +119,8 @@ impl Caster {
         Ok(shares)
     }
 
-    /// Returns an error if the last kernel requested more values than the heap holds. The heap is the buffer from which
-    /// a kernel allocates its working vectors (`vectors = heap`).
+    /// Returns an error if the last kernel with working vectors requested more values than the heap holds. The heap is
+    /// the buffer from which a kernel allocates its working vectors (`vectors = heap`).
     fn check_heap(&self) -> Result<(), LaunchError> {
         let Working::Heap { top, size, .. } = &self.working else { return Ok(()) };
         let mut used = [0];
@@ -139,7 +140,8 @@ fn converted(pixels: &[Float4], shown: &Shown) -> (Vec<u8>, Option<usize>) {
         for (bytes, pixel) in bytes.as_chunks_mut().0.iter_mut().zip(pixels) {
             *bytes = convert([pixel[0], pixel[1], pixel[2]]);
         }
-        // Loops of their own take less time, since the compiler turns them into vector instructions.
+        // These checks have loops of their own, which the compiler turns into vector instructions. In the loop above,
+        // the checks would take more time.
         let finite =
             |finite, pixel: &Float4| (0..3).fold(finite, |all, channel| all & pixel[channel].is_finite());
         let hits = pixels.iter().filter(|pixel| pixel[3] > 0.0).count();
