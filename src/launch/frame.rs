@@ -1,4 +1,4 @@
-//! The device times of one frame.
+//! The times of one frame, on the device's and on the host's clock.
 
 use crate::measure::median_of;
 use crate::numbers::significant;
@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 /// The pass (a part of a frame's work) to which a command of the frame belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pass {
-    /// Finding the hits of primary rays, including the preparation of planes and the clearing of buffers.
+    /// Finding the hits of primary rays, including all earlier commands of the frame (which prepare planes or clear
+    /// buffers).
     Primary,
     /// Casting shadow rays, including shading if no separate kernel shades.
     Shadow,
@@ -29,8 +30,8 @@ pub struct FrameTimes {
     pub frame_ms: f64,
     /// Time for primary rays; `None` if the kernel that casts them also casts shadow rays.
     pub primary_ms: Option<f64>,
-    /// Time for shadow rays; `None` if the kernel that casts them also casts primary rays. If `shade_ms` is
-    /// `None`, the time for shadow rays includes shading.
+    /// Time for shadow rays; `None` if the kernel that casts them also casts primary rays, or if no kernel casts them.
+    /// If `shade_ms` is `None`, the time for shadow rays includes shading.
     pub shadow_ms: Option<f64>,
     /// Time for shading; `None` if the kernel that shades also casts all shadow rays. Only strategies whose
     /// work-items share tiles have a time for shading. The time for shading includes leftover shadow rays if
@@ -48,11 +49,11 @@ pub struct FrameTimes {
     pub sensed: Option<SensorReading>,
 }
 
-/// A frame's time on the device's clock is impossible if it exceeds this multiple of the time on the host's
-/// clock.
+/// A frame's time on the device's clock is impossible if it exceeds this multiple of the time on the host's clock.
+/// [`TOLERANCE_MS`] says which differences are too small to count.
 const IMPOSSIBLY_LONG: f64 = 1.5;
-/// A sample's time on the device's clock is not impossible if it exceeds the time on the host's clock by at most this
-/// many milliseconds. A device time of 0 is not impossible if the sample took at most this time by the host's clock.
+/// A sample's time on the device's clock is possible if it exceeds the time on the host's clock by at most this many
+/// milliseconds. A device time of 0 is possible if the sample took at most this time by the host's clock.
 const TOLERANCE_MS: f64 = 1.0;
 /// A device time of 0 is impossible if, by the host's clock, the sample took more than this many steps of the device's
 /// timer (and more than [`TOLERANCE_MS`]).
@@ -208,17 +209,16 @@ mod tests {
         for possible in [(1.0, 1.2), (1.4, 1.0), (0.9, 0.1), (0.01, 50.0), (0.0, 0.9)] {
             assert_eq!(why(possible.0, possible.1, Some(1)), None, "{possible:?}");
         }
-        // A time on the device's clock is impossible if it exceeds one and a half times the time on the host's
-        // clock.
+        // A time on the device's clock is impossible if it exceeds one and a half times the time on the host's clock,
+        // and if the difference is more than a millisecond.
         assert_eq!(why(1400.0, 1000.0, None), None);
         assert!(why(1600.0, 1000.0, None).is_some());
         let long = why(1208.0, 1.25, None).expect("it is impossible");
         assert!(long.contains("a frame takes 1208 ms, but by the host's clock, it takes 1.25 ms"), "{long}");
         let none = why(0.0, 2.0, Some(1)).expect("it is impossible");
         assert!(none.starts_with("the driver reports no times: ") && none.ends_with(" 2.00 ms"), "{none}");
-        // A timer with steps of 10 us may report 0 for a frame of 2 ms: most of the 2 ms is the time for
-        // starting the frame's kernels.
-        // A frame of more than 1000 steps (10 ms) cannot take 0 ms.
+        // A timer with steps of 10 us may report 0 for a frame of 2 ms: most of the 2 ms may be the time for starting
+        // the frame's kernels. A frame of more than 1000 steps (10 ms) cannot take 0 ms.
         assert_eq!([why(0.0, 2.0, Some(10_000)), why(0.0, 9.0, Some(10_000))], [None, None]);
         assert!(why(0.0, 11.0, Some(10_000)).is_some());
         assert_eq!(why(0.0, 2.0, None), None);
@@ -226,8 +226,8 @@ mod tests {
         assert!(batch.why_impossible(Some(1)).is_some());
     }
 
-    /// A difference between the device's and the host's time that is possible for a single frame is
-    /// impossible for each frame of a batch.
+    /// The differences between device time and host time of a batch's frames are added up. A difference that is
+    /// possible for a single frame may therefore be impossible if each frame of a batch has this difference.
     #[test]
     fn the_differences_of_all_frames_of_a_batch_count_together() {
         let why = |batch| FrameTimes { batch, ..FrameTimes::whole(0.9, 0.1) }.why_impossible(None);

@@ -1,6 +1,6 @@
-//! Casts soft light at half resolution. Two pictures of half the width and height are cast, one with and one
-//! without shadows. One kernel filters the ratio of the picture with shadows to the picture without shadows.
-//! Another kernel multiplies the whole picture (the picture of full size) by the filtered ratio of the two
+//! Casts soft light at half resolution. Two pictures of half the width and height are cast, one with and one without
+//! shadows. One kernel filters the ratio of the picture with shadows to the picture without shadows. Another kernel
+//! multiplies the light from surfaces in the whole picture (the picture of full size) by the filtered ratio of the two
 //! small pictures.
 
 use super::arguments::Arguments;
@@ -27,7 +27,7 @@ pub struct LightParts {
     pub hits: usize,
     /// For each pixel of the whole picture, the share of its samples that hit something.
     pub hit_shares: Vec<f32>,
-    /// The half picture (half the width and height) with shadows: its light is the light that arrives at the
+    /// The half picture (half the width and height) with shadows: light that is blocked does not arrive at the
     /// surfaces.
     pub lit: Radiance,
     /// The half picture (half the width and height) with unoccluded light (nothing blocks any light).
@@ -43,11 +43,11 @@ impl LightParts {
     }
 }
 
-/// The two half pictures (half the width and height) of soft light: one with shadows, and one with unoccluded
-/// light. Two kernels filter the ratio of these pictures, and multiply the whole picture by the filtered
-/// ratio.
+/// The two half pictures (half the width and height) of soft light: one with shadows, and one with unoccluded light.
+/// One kernel filters the ratio of these pictures, and another multiplies the light from surfaces in the whole picture
+/// by the filtered ratio.
 pub(super) struct HalfLight {
-    /// The half picture (half the width and height) with shadows: its light is the light that arrives at the
+    /// The half picture (half the width and height) with shadows: light that is blocked does not arrive at the
     /// surfaces.
     lit: Caster,
     /// The half picture (half the width and height) with unoccluded light (nothing blocks any light).
@@ -92,8 +92,8 @@ impl HalfLight {
         Ok(lit.and(&cast(&self.unoccluded, SampleLight::Unoccluded)?))
     }
 
-    /// Filters the ratio of the half picture with shadows to the half picture with unoccluded light, and
-    /// multiplies the whole picture by the filtered ratio. Returns the total times of the filtering kernel
+    /// Filters the ratio of the half picture with shadows to the half picture with unoccluded light, and multiplies the
+    /// light from surfaces in the whole picture by the filtered ratio. Returns the total times of the filtering kernel
     /// and the multiplying kernel.
     pub fn apply(&self, queue: &Queue) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
@@ -141,13 +141,13 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// Sizes of the pictures to be filtered. If the width is even, the kernel reads the half-picture pixels of a
-    /// vector in a quicker way than if the width is odd. Vectors of 16 pixels fill the rows of the first picture
-    /// exactly, but not the rows of the other pictures.
+    /// Sizes of the pictures to be filtered. If the width is even, kernels with vectors of 16 pixels read the half
+    /// pictures in a quicker way than if the width is odd. Such vectors fill the rows of the first picture exactly, but
+    /// not the rows of the other pictures.
     const SIZES: [[u32; 2]; 5] = [[96, 64], [75, 61], [38, 22], [7, 5], [1, 1]];
 
-    /// Compares the device's filter with the reference filter in double precision, in every kernel
-    /// family that casts soft light.
+    /// Compares the device's filter with the reference filter in double precision, for single rays (`bvh`) and for
+    /// vectors of 16 rays (`tile` and `bvh-packet`).
     #[test]
     fn a_picture_is_what_the_filter_makes_of_its_parts() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
@@ -183,8 +183,8 @@ mod tests {
         }
     }
 
-    /// With four samples, a tile's vectors cover fewer pixels than the pattern of points has, so that vectors have
-    /// different points.
+    /// In a half picture, the points of lights repeat every 4 pixels across and down. With four samples per pixel, a
+    /// vector of a tile covers only four pixels, so that neighbouring vectors need different points.
     #[test]
     fn half_pictures_have_the_same_points_in_tiles_as_for_single_rays() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
@@ -222,8 +222,8 @@ mod tests {
         assert!(last_of(&[&after, &before]) != expected, "the background is not seen");
     }
 
-    /// If all light is n times as bright, the picture is n times as bright, too. The filter's weights are fourth
-    /// powers, which must stay within single precision.
+    /// If all light is n times as bright, the picture is n times as bright, too. The filter computes fourth powers of
+    /// light, which must stay within the range of single precision.
     #[test]
     fn light_of_any_brightness_is_filtered() {
         let picture = |brightness: f32| {
