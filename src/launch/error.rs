@@ -46,13 +46,13 @@ pub enum LaunchError {
         /// The parameter that no argument fits, with its type.
         parameter: String,
     },
-    /// The program has no kernel for some work, such as shading: a bug in raycl. A program contains only the
-    /// kernels that its frames need.
+    /// The program has no kernel for some work, such as shading: a bug in raycl. A program may contain only some of its
+    /// family's kernels.
     #[error("a bug in raycl: this program of the kernel family {family} has no kernel that {work}")]
     Kernel {
-        /// The name of the kernel family that lacks the kernel.
+        /// The name of the program's kernel family.
         family: &'static str,
-        /// The work for which the family lacks a kernel, in words such as "casts shadow rays".
+        /// The work for which the program lacks a kernel, in words such as "casts shadow rays".
         work: &'static str,
     },
     /// A mistake in kernel files that the user changed or added: the program lacks a kernel that raycl
@@ -122,8 +122,8 @@ impl LaunchError {
         ))
     }
 
-    /// Returns the error's message. If memory may be missing, and other processes use memory of `device`, the
-    /// message says how much memory they use.
+    /// Returns the error's message. If memory may be missing, and other processes may use memory of `device`, the
+    /// message says how much memory they use or, if this is not known, how much all processes use.
     pub fn on(&self, device: &DeviceInfo) -> String {
         self.with(|| used_memory(&device.hardware))
     }

@@ -52,10 +52,9 @@ impl<'a> Parts<'a> {
         Ok(built)
     }
 
-    /// Returns the number of work-items, across and down, that the pixels of the frame or band need. Each
-    /// work-item casts the rays of one block of pixels
-    /// ([`Strategy::block`](crate::strategy::Strategy::block)); tiles that work-items share need 32
-    /// work-items each.
+    /// Returns the number of work-items, across and down, that the pixels of the frame or band need. Each work-item
+    /// casts the rays of one block of pixels ([`Strategy::block`](crate::strategy::Strategy::block)) or of one tile. If
+    /// work-items share tiles, each tile needs 32 work-items.
     pub fn pixel_items(&self) -> [usize; 2] {
         let [across, down] = self.setup.workload.global_size(self.setup.strategy);
         let rows = |band: &Band| band.len() * self.setup.workload.local_size[1] as usize;

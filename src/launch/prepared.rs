@@ -27,8 +27,8 @@ pub struct Prepared {
     pub spec: ProgramSpec,
     /// The compiled program.
     pub program: BuiltProgram,
-    /// The time for building the program, if the program was built after the scene was loaded; 0 if the program was
-    /// built earlier.
+    /// The time for building the program or taking it from the cache; 0 if the session was given the built program
+    /// ([`Session::with_program`](super::Session::with_program)).
     pub build_wait_ms: f64,
     /// The largest amount of host memory that the strategy needs at any time, as raycl predicts it.
     pub host_bytes: u64,
@@ -87,9 +87,9 @@ impl Prepared {
     }
 
     /// Replaces lights, sky, background, shadow bias, exposure and tone curve by those of another scene, starting with
-    /// the caster's next frame. The camera does not change, since each cast gets its camera as an argument. Returns
-    /// `false` and changes nothing if the scene needs other buffers or kernels, for example because it has another mesh
-    /// or another number of lights.
+    /// the caster's next frame. The camera does not change: [`Caster::cast_samples`] and [`Caster::cast_sample`] get
+    /// their camera as an argument. Returns `false` and changes nothing if the scene needs other buffers or kernels,
+    /// for example because it has another mesh or another number of lights.
     pub fn show(&mut self, scene: &Arc<Scene>, caster: &Caster) -> Result<bool, LaunchError> {
         if !self.suits(scene) {
             return Ok(false);
@@ -113,11 +113,11 @@ impl Prepared {
             && sees_sky(&self.scene) == sees_sky(scene)
     }
 
-    /// Returns properties of a frame's compiled kernels ([`Caster::distinct_kernels`]), from the build log `log` and
-    /// from `ptx`. `ptx` is the program's binary if this binary is PTX, and is empty otherwise. The occupancy of each
-    /// kernel is predicted for the local size with which a frame starts this kernel. The local size of a kernel may
-    /// differ from that of the workload: kernels that prepare or rasterise triangles, or that show the sky, have a
-    /// local size of their own.
+    /// Returns properties of a frame's compiled kernels ([`Caster::distinct_kernels`]), from the driver, from the build
+    /// log `log` and from `ptx`. `ptx` is the program's binary if this binary is PTX, and is empty otherwise. The
+    /// occupancy of each kernel is predicted for the local size with which a frame starts this kernel. The local size
+    /// of a kernel may differ from that of the workload: kernels that prepare or rasterise triangles, or that show the
+    /// sky, have a local size of their own.
     pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
         let made = |kernel: &Kernel| {
             let made = CompiledKernel::of(kernel, self.queue.device, log, ptx);
@@ -319,7 +319,7 @@ mod tests {
                 prepared.unwrap().caster().err().map(|refused| refused.into_error(&device.info))
             });
             let message = error.as_ref().map(ToString::to_string);
-            // raycl notices the wrong number in the file's header only if the driver reports how much memory
+            // raycl notices that the file's header states too little memory only if the driver reports how much memory
             // the kernel uses.
             let expected = stated.filter(|_| is_reported).map(|stated| {
                 format!(
@@ -374,7 +374,8 @@ mod tests {
         }
     }
 
-    /// Neither the number of triangles nor the numbers of pixels are multiples of the local sizes.
+    /// Kernels that rasterise triangles or show the sky usually have work-groups of 64 work-items. Neither the number
+    /// of triangles nor the image's width is a multiple of 64.
     #[test]
     fn work_groups_that_reach_beyond_the_triangles_or_the_image_change_nothing() {
         let lower = Arc::new(scene("pyramid-lower.toml"));

@@ -19,7 +19,8 @@ pub struct Queue {
     pub device: Device,
     /// True if the device uses the host's own memory, as a CPU does.
     pub shares_memory: bool,
-    /// Number of work-items in a work-group of the kernels that support work-groups of any size.
+    /// Number of work-items in a work-group of the kernels that support work-groups of any size. A compiled kernel that
+    /// does not support so many gets fewer.
     pub group: usize,
     /// Pinned memory of the host, for transfers.
     pub(super) staging: Arc<Staging>,

@@ -28,8 +28,8 @@ pub enum Refused {
     },
 }
 
-/// The remedy if a point of an experiment, or a picture, does not fit into the memory of a device or the
-/// host.
+/// The remedy if a point of an experiment, or a picture, exceeds the memory or another limit of a device or the host,
+/// and a smaller work-group would not help.
 const SMALLER: &str =
     "a smaller image or scene needs less memory; `raycl strategies` lists other layouts and traversals";
 /// The remedy if a work-group has a shape or a number of work-items that the device, the strategy or the compiled
@@ -48,12 +48,12 @@ const OWN_KERNEL: &str = "if a file replaces a built-in file, the file's kernels
 /// The remedy if the header of one of the user's kernel files states too little memory.
 const OWN_HEADER: &str =
     "docs/own-kernels.md describes the keys of a file's header, such as `memory` and `bytes_per_ray`";
-/// The remedy if a step fails for another reason than missing memory.
+/// The remedy for a failed step if no other remedy fits the reason.
 const OTHERWISE: &str = "a smaller picture, another --strategy or another --device may work";
 /// The remedy if the compiler rejects a program that contains none of the user's files.
 const ANOTHER_BUILD: &str =
     "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device";
-/// The remedy if a step or a build fails because memory is missing.
+/// The remedy for a step or a build that may have failed because memory or another resource is missing.
 const FREE_MEMORY: &str = "a smaller picture or scene, another --strategy or a smaller --local-size may need less memory; other processes may also be using the device's memory, or the system may have stopped a kernel that ran for too long; `raycl devices` lists other devices";
 
 impl Refused {
@@ -75,9 +75,10 @@ impl Refused {
         }
     }
 
-    /// Returns why the strategy cannot be cast: a sentence, or the compiler's log if the build failed. If the
-    /// device may lack memory, the sentence says how much of its memory other processes use. If the disk on
-    /// which PoCL stores compiled kernels is full, a line after the log says so.
+    /// Returns why the strategy cannot be cast: a sentence, or the compiler's log if the build failed. If memory may be
+    /// missing, the sentence may also say how much of the device's memory is in use ([`LaunchError::on`]). If PoCL's
+    /// folder for compiled kernels is on a full disk, or on a file system mounted with the option noexec, a line after
+    /// the log says so.
     pub fn reason_on(&self, device: &DeviceInfo) -> String {
         match self {
             Self::Launch { error, .. } => error.on(device),
