@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 /// Linux's kernel keeps the process in uninterruptible sleep, which may last for ever.
 const KILLED: Duration = Duration::from_secs(10);
 
-/// The longest wait for the end of the output of a process that has ended. The output ends later if a program that
-/// the process started still runs and has inherited the output streams.
+/// The longest wait for the end of the output of a process that has ended. The output ends later than the process if
+/// a program that the process started still runs and has inherited the output streams.
 const REST: Duration = Duration::from_secs(1);
 
 /// Calls `ended` until it returns a process's status, and returns this status. Returns `None` if the process
@@ -32,7 +32,7 @@ pub fn status_within<T>(
 }
 
 /// Kills a process, and returns its status when it has ended. Returns `None` if the process has not ended
-/// within [`KILLED`]; the process then stays behind.
+/// within [`KILLED`]; the process then still exists.
 pub fn kill(child: &mut Child) -> IoResult<Option<ExitStatus>> {
     child.kill()?;
     status_within(KILLED, || child.try_wait())
@@ -48,8 +48,8 @@ pub fn output_within(child: Child, limit: Duration) -> IoResult<Option<Output>> 
 /// Waits until a process ends, and returns its output. During the wait, the function calls `is_over` once per
 /// `interval`. If `is_over` returns true, the function kills the process and returns `None`. The function
 /// also kills the process if the system refuses a thread that would read the process's output; the function
-/// then returns an error. If the output has not ended [`REST`] after the process, the function returns the output so
-/// far.
+/// then returns an error. If the output does not end within [`REST`] after the end of the process, the function
+/// returns the output that was read until then.
 pub fn output_unless(
     mut child: Child,
     interval: Duration,
@@ -101,7 +101,8 @@ impl Write for Heard {
     }
 }
 
-/// Reads a stream to its end in another thread, so that the child process never waits because its pipe is full.
+/// Reads a stream to its end in another thread. Otherwise, the stream's pipe could fill up, and the child process
+/// would wait until somebody reads from the pipe.
 fn reading(mut from: impl Read + Send + 'static) -> IoResult<Reading> {
     let (heard, (open, ended)) = (Heard::default(), channel::<()>());
     let mut to = heard.clone();
@@ -112,7 +113,8 @@ fn reading(mut from: impl Read + Send + 'static) -> IoResult<Reading> {
     Ok(Reading { heard, ended })
 }
 
-/// Returns all bytes of a stream, or those that were read from it by the time `until`.
+/// Returns all bytes of a stream. If the stream has not ended by the time `until`, returns the bytes that were read
+/// from it until then.
 fn words_of(stream: Option<Reading>, until: Instant) -> Vec<u8> {
     let Some(Reading { heard, ended }) = stream else { return Vec::new() };
     let _ = ended.recv_timeout(until.saturating_duration_since(Instant::now()));
@@ -145,7 +147,10 @@ mod tests {
         let sleeper = String::from_utf8(spoke.stdout).unwrap();
         assert!(spoke.status.success() && sleeper.trim().parse::<u32>().is_ok(), "{sleeper}");
         let killed = shell(&format!("kill {sleeper}"), Duration::from_secs(120)).unwrap();
-        assert!(killed.status.success(), "it no longer ran: the function has waited for its end");
+        assert!(
+            killed.status.success(),
+            "the program no longer ran: the function has waited for the program's end"
+        );
     }
 
     #[test]

@@ -119,7 +119,7 @@ pub struct InputError {
     /// The range of bytes to mark in the file; `None` if no lines of a file are shown.
     #[label("{label}")]
     pub span: Option<SourceSpan>,
-    /// The text under the marked range.
+    /// The remark that is printed under the marked range.
     pub label: String,
     /// The remedy: a step for the user.
     #[help]
@@ -144,8 +144,8 @@ impl Error {
     }
 
     /// Returns an error for a mistake at `span` in a file with this name and this text. If the span covers
-    /// several lines, only the part of the span in the first line is marked. If the first line is too long
-    /// for a terminal, the line is not shown, and the message gives the numbers of the line and the column.
+    /// several lines, only the part of the span in the span's first line is marked. If this line has more than
+    /// `SHOWN_LINE_BYTES` bytes, no line is shown, and the message gives the numbers of the line and the column.
     pub fn in_file(
         name: impl AsRef<str>,
         text: impl Into<String>,
@@ -248,7 +248,7 @@ impl Error {
         self
     }
 
-    /// Puts `words` in front of the message, such as the device on which the command failed.
+    /// Puts `words`, such as the name of the device on which the command failed, in front of the message.
     #[must_use]
     pub fn preceded_by(mut self, words: &str) -> Self {
         let words = plain(words);
@@ -410,8 +410,8 @@ mod tests {
             Error::unreadable_among(("scene", &missing), &error, fits, "other").remedy().to_owned()
         };
         assert_eq!([among(|_| true), among(|_| false)], [meant, "other".to_owned()]);
-        // The name `-` stands for standard input, which is never a missing file. Otherwise, raycl would
-        // suggest a file with a short name that contains `-`, such as `a-`.
+        // The name `-` stands for standard input, which is never a missing file. If `-` counted as a missing
+        // file, raycl would suggest a file with a short name that contains `-`, such as `a-`.
         assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");
     }
 

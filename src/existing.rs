@@ -114,13 +114,13 @@ pub fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
 ///
 /// # Errors
 ///
-/// Fails if the file exists and cannot be read, or is not an ordinary file.
+/// Fails if the file exists and cannot be read, is not an ordinary file, or is larger than a file of results may be.
 pub fn bytes(path: &Path) -> Result<Option<Vec<u8>>> {
     if_any(reader::bytes(path, reader::Kind::Results)).map_err(|error| unreadable(path, &error))
 }
 
-/// Returns true if a path still leads to the open file `file`. Returns false if somebody has removed or
-/// replaced the file.
+/// Returns true if the open file `file` is still at a path. Returns false if somebody has removed or replaced
+/// the file, or if a link is at the path.
 ///
 /// # Errors
 ///
@@ -133,8 +133,8 @@ pub fn still_leads_to(path: &Path, file: &File) -> IoResult<bool> {
     Ok(named.is_file() && (named.dev(), named.ino()) == (open.dev(), open.ino()))
 }
 
-/// Returns true if a path leads to a file or folder. The path may lead to another file than the open file,
-/// since raycl cannot tell two files apart on systems other than Unix.
+/// Returns true if a path leads to a file or folder, even if this is not the open file: on systems other than
+/// Unix, raycl cannot tell two files apart.
 ///
 /// # Errors
 ///

@@ -1,6 +1,7 @@
 //! Computes the numbers and tables of the documents from stored records. Every number in README.md,
 //! docs/kernels.md, docs/paper.md and docs/performance.md is computed here or listed under
-//! `[facts]` in docs/figures.toml.
+//! `[facts]` in docs/figures.toml. Exceptions are numbers in names, in targets of links, in most code, and in
+//! the numbering of lists.
 
 mod occupancy;
 mod of_record;
@@ -57,7 +58,8 @@ impl Documents {
     }
 
     /// Returns every difference between a document and the records, and every mistake in a document, with the
-    /// document's name. The result also contains every entry of docs/figures.toml that no document uses.
+    /// document's name. The result also contains every entry under `[facts]` and `[blocks]` in docs/figures.toml
+    /// that no document uses.
     pub fn differences(&self) -> Vec<(&'static str, Difference)> {
         let of = |(name, text): &(&'static str, String)| {
             let name = *name;

@@ -9,7 +9,8 @@ use std::collections::HashMap;
 /// reproduces, a multiprocessor holds only whole work-groups. "capability=2.0 registers=63 bytes-per-item=108 8x8" asks
 /// how many threads a multiprocessor of compute capability 2.0 holds if each thread uses 63 registers and 108 B of
 /// `__local` memory, and which limit determines this number. If a work-group of this local size cannot run, the answer
-/// to the second kind is "cannot launch". The error says what the query lacks.
+/// to the second kind is "cannot launch". The error says what the query lacks, or that raycl does not support the
+/// compute capability.
 pub fn threads(words: &[&str]) -> Result<Figure, String> {
     let given: HashMap<&str, &str> = words.iter().filter_map(|word| word.split_once('=')).collect();
     let number = |key: &str| given.get(key).and_then(|text| text.parse::<u32>().ok());

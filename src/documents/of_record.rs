@@ -3,14 +3,15 @@
 use crate::numbers::{by, significant};
 use crate::record::{Record, interval, median};
 
-/// The form in which a figure is written into a document.
+/// The form in which a figure is written into a document. If the query names a unit, the figure is always written like
+/// a `Measure`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// A number rounded to a few significant digits.
     Measure,
     /// A whole number, without a decimal point.
     Count,
-    /// A percentage, such as 62%.
+    /// A percentage without its sign, such as 62 for the value 0.62.
     Percent,
     /// A number in scientific notation, such as 4.2e-7.
     Power,

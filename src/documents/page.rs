@@ -12,12 +12,13 @@ const BEGIN: &str = "<!-- figures: ";
 /// The line that marks the end of a block.
 const END: &str = "<!-- end of figures -->";
 
-/// A difference between a document and the records.
+/// A difference between a document and the records, or a mistake, such as a wrong query.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
     /// The line's number, from 1; 0 for an entry of docs/figures.toml that no document uses.
     pub line: usize,
-    /// The text that stands in the document, such as a number.
+    /// The text that stands in the document, such as a number; for a mistake in a block, the text "the block" and the
+    /// block's name; for an unused entry of docs/figures.toml, this entry.
     pub stands: String,
     /// The text that raycl computes from the records, or the reason why the records yield no text.
     pub records_say: String,
@@ -30,7 +31,7 @@ pub struct Page {
     pub text: String,
     /// Numbers and lines of the document that differed from the records before the document was rewritten.
     pub stale: Vec<Difference>,
-    /// Mistakes that rewriting the document cannot correct: wrong queries, numbers without a record.
+    /// Mistakes that rewriting the document cannot correct, such as wrong queries and numbers without a query.
     pub wrong: Vec<Difference>,
 }
 
@@ -87,7 +88,7 @@ impl Page {
     /// Keeps the line with which a block without an end marker begins, and reports the block in `wrong`. The following
     /// lines are treated as lines outside of blocks, since nothing shows which of them belong to the block.
     fn open_block(&mut self, line: usize, name: &str, begin: &str) {
-        let records_say = format!("nothing: no line `{END}` follows the beginning of this block");
+        let records_say = format!("nothing: no line `{END}` ends this block");
         self.wrong.push(Difference { line, stands: format!("the block '{name}'"), records_say });
         self.push(begin);
     }
@@ -95,7 +96,7 @@ impl Page {
     fn prose(&mut self, number: usize, line: &str, sheet: &Sheet, fences: &mut Fences) {
         let mut made = String::new();
         let mut rest = line;
-        // The line's text without each number that is followed by a query.
+        // The line's text without the queries, and without the numbers in front of the queries.
         let mut bare = String::new();
         while let Some((before, comment, after)) = next_comment(rest) {
             let at = before.len() - number_at_end(before).len();

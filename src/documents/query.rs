@@ -1,8 +1,10 @@
-//! Reads and answers queries. A query selects a record and one of the record's figures (numbers and texts),
-//! and may say how the figure is rounded.
+//! Reads and answers queries. A query usually selects a record and one of the record's figures (numbers and
+//! texts). Other queries ask for a value in a JSON file, for a time from the paper, or for a number of threads
+//! that raycl computes. A query may also say how the answer is rounded, and in which unit it is written.
 //!
-//! A query has the form `SOURCE: WORDS [/ [SOURCE:] WORDS] [, MODIFIER]...`. For example, `h200/figure-8:
-//! naive 8x8 still-life / local-vectors 8x8 still-life, 2 digits` asks for a ratio of two times.
+//! A query has the form `SOURCE: WORDS [/ [SOURCE:] WORDS] [, MODIFIER]...`. For example,
+//! `h200/reproduce/figure-8: naive 8x8 still-life / local-vectors 8x8 still-life, 2 digits` asks for a ratio of
+//! two times.
 //! CONTRIBUTING.md documents this syntax.
 
 use super::occupancy::threads;
@@ -16,8 +18,9 @@ use crate::report::exponent;
 use crate::strategy::PRESETS;
 use serde_json::Value;
 
-/// The default number of significant digits. Percentages and numbers in scientific notation have 2
-/// significant digits by default.
+/// The default number of significant digits of measured numbers, and of all numbers with a unit (also with the unit
+/// `%`). Without a unit, shares and numbers in scientific notation have 2 significant digits by default, and
+/// counts always have all digits.
 const DIGITS: i32 = 3;
 /// The source name for the times that the paper published. The published times are part of the program, not
 /// of a folder of records.
@@ -144,9 +147,9 @@ fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side,
     }
 }
 
-/// Returns the quotient of two figures. The quotient of two medians is computed like the ratios in all
-/// reports, from pairs of samples that were measured close in time. Returns [`Figure::Nothing`] with the
-/// reason if the quotient cannot be computed.
+/// Returns the quotient of two figures. The quotient of two medians is computed by [`ratio`], as in reports: if
+/// the two points were measured together, from pairs of samples that were measured close in time. Returns
+/// [`Figure::Nothing`] with the reason if the quotient cannot be computed.
 fn quotient(one: &Side, other: &Side) -> Figure {
     let both = one.median_of.as_ref().zip(other.median_of.as_ref());
     let quotient = match (both, &one.value, &other.value) {

@@ -1,6 +1,6 @@
-//! Formats, for documents, the claims of the student paper that raycl reproduces with the verdicts of `raycl
-//! reproduce`, and the answer to the paper's question in four lines (best memory strategy, best local size,
-//! why, how sure).
+//! Formats the results of `raycl reproduce` for documents: the claims of the student paper that raycl
+//! reproduces, with raycl's verdicts, and the answer to the paper's question in four lines (best memory
+//! strategy, best local size, why, how sure).
 
 use super::sheet::{Device, line};
 use super::sources::Sources;
@@ -43,8 +43,8 @@ pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
 }
 
 /// Returns the number of claims for each verdict, then a table with one row per claim. A row has the claim's
-/// sentence, the page or figure in the paper and, for each device, the verdict with one comparison that
-/// decided the verdict.
+/// sentence, its place in the paper (such as a section or a figure) and, for each device, the verdict with one
+/// comparison that decided the verdict.
 pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
     let reproductions: Vec<Value> =
         devices.iter().map(|device| reproduction(sources, device)).collect::<Result<_, _>>()?;

@@ -114,8 +114,8 @@ enum Bold {
 pub struct Sheet {
     /// The records from which queries are answered.
     pub sources: Sources,
-    /// Phrases with numbers that have no record: numbers from the paper, options, versions, and results of arithmetic.
-    /// The longest phrases come first, since a phrase may contain a shorter one.
+    /// Phrases with numbers that have no record, such as numbers from the paper, sizes, options, versions, and results
+    /// of arithmetic. The longest phrases come first, since a phrase may contain a shorter one.
     pub facts: Vec<String>,
     blocks: BTreeMap<String, Block>,
     made: RefCell<HashMap<String, Lines>>,

@@ -12,7 +12,7 @@ use std::rc::Rc;
 pub enum Source {
     /// The results in a folder that `raycl run` wrote.
     Folder(Folder),
-    /// A JSON file that another program or a single raycl command wrote.
+    /// A JSON file that another command of raycl, or another program, wrote.
     Json(Value),
 }
 
@@ -31,8 +31,8 @@ impl Sources {
         Self { root: root.to_owned(), folders, read: RefCell::default() }
     }
 
-    /// Returns the source with this name, such as "h200/figure-8". The name of a JSON file does not contain the file's
-    /// extension. The error says why the source cannot be read.
+    /// Returns the source with this name, such as "h200/reproduce/figure-8". The name of a JSON file does not contain
+    /// the file's extension. The error says why the source cannot be read.
     pub fn get(&self, name: &str) -> Result<Rc<Source>, String> {
         if let Some(known) = self.read.borrow().get(name) {
             return Ok(known.clone());

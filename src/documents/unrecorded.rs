@@ -30,9 +30,9 @@ impl Fences {
 const UNITS: [&str; 12] =
     ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
 
-/// Returns a line's words that contain digits, except code (spans and fenced blocks), targets of links, names, words of
-/// facts, and the number of an item in a numbered list. Updates `fences` for the next line. If one fact contains
-/// another, the longer fact must come first in `facts`.
+/// Returns a line's words that contain digits, except fenced blocks of code, code spans without a unit, targets of
+/// links, names, words of facts, and the number of an item in a numbered list. Updates `fences` for the next line. If
+/// one fact contains another, the longer fact must come first in `facts`.
 pub fn unrecorded(line: &str, facts: &[String], fences: &mut Fences) -> Vec<String> {
     if line.trim_start().starts_with("```") {
         fences.within = !fences.within;
@@ -60,8 +60,8 @@ fn is_name(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic()) && !word.contains('=')
 }
 
-/// Returns a line in which the word "code" replaces each code span. Code spans that contain a number with a
-/// unit stay in the line, without their backticks.
+/// Returns a line in which the word "code" replaces each code span without a unit. Code spans that contain a
+/// number with a unit stay in the line, without their backticks.
 fn without_code(line: &str) -> String {
     let part = |(index, part): (usize, &str)| {
         let is_code = index % 2 == 1 && !has_unit(part);

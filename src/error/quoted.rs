@@ -43,8 +43,8 @@ pub fn line_of(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
 }
 
-/// Returns the text with long lines cut, and the number of bytes by which the lines before that of `offset` became
-/// shorter.
+/// Returns the text with long lines cut. Also returns the number of bytes by which the lines before the marked line
+/// became shorter. The marked line is the one that contains the byte at `offset`.
 pub(super) fn cut_long_lines(text: String, offset: usize) -> (String, usize) {
     if text.split('\n').all(|line| line.len() <= SHOWN_LINE_BYTES) {
         return (text, 0);

@@ -1,5 +1,5 @@
-//! Recognises files by their first bytes. For a file in a format that raycl does not read, the message names
-//! that format.
+//! Recognises files by their first bytes, and some also by their length or by the extension of their name. If
+//! raycl recognises a format that it does not read, the error message names this format.
 
 mod endings;
 mod opened;
@@ -130,15 +130,16 @@ impl FileType {
         signatures::recognise(head, length).unwrap_or_else(|| text::recognise(head))
     }
 
-    /// Returns an error if raycl cannot read the file `name` for the purpose `wanted`, otherwise `None`. The message
-    /// has two short lines and quotes nothing from the file.
+    /// Returns an error if raycl does not read files of this type for the purpose `wanted`; otherwise, and for an
+    /// unclear type, `None`. The message contains `name`, the file's name. The message and the remedy quote nothing
+    /// from the file.
     pub fn refusal(self, name: &str, wanted: Wanted) -> Option<Error> {
         let refused =
             |what: &str, help: &str| Some(Error::input(format!("{name} is {what}")).with_help(help));
         match (self, wanted) {
             (Self::Foreign(Foreign { name, remedy }), _) => {
-                // If the user wanted an experiment, a mesh is of no use, so the common advice that leads to a
-                // mesh is left out.
+                // A user who wanted an experiment has no use for a mesh, so the texts in `TO_MESH`, which say how
+                // to get a mesh, are left out.
                 let leads_to_mesh = signatures::TO_MESH.contains(&remedy);
                 let none = remedy.is_empty() || wanted == Wanted::Experiment && leads_to_mesh;
                 let help = if none { String::new() } else { format!("; {remedy}") };

@@ -119,8 +119,8 @@ fn check_rest(rest: impl BufRead) -> io::Result<()> {
 /// the file begins with triangles and is cut off. The STL reader then reports the error. A JSON file without
 /// keys of glTF in `head` is glTF if its name ends in `.gltf` and more bytes follow, since the later bytes
 /// may contain the keys. If the contents do not show the format, the file's extension may name a format that raycl
-/// does not read. A text without a known format may also be a list of numbers, such as the coordinates of
-/// points.
+/// does not read. A text that matches no known type may also be recognised as a list of numbers, such as the
+/// coordinates of points.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     if of_contents == FileType::Unclear {
@@ -143,7 +143,7 @@ fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
 }
 
 /// Returns the format of a text that matches no known type; `None` if the file is empty, if its extension stands for a
-/// format that raycl reads, or if neither its first lines nor its extension show the format.
+/// mesh format that raycl reads, or if neither its first lines nor its extension show the format.
 fn foreign_text(head: &[u8], path: &Path) -> Option<Foreign> {
     if head.trim_ascii().is_empty() || MeshFormat::from_ending(path).is_some() {
         return None;
@@ -195,8 +195,8 @@ mod tests {
         assert_eq!(of(r#"{"nodes":[]}"#, "a.gltf"), json);
     }
 
-    /// When a file is opened, only its first bytes are read. This test checks that `bytes` also returns the
-    /// bytes that were not read when the file was opened.
+    /// When a file that is not packed is opened, only its first bytes are read. This test checks that `bytes` also
+    /// returns the bytes that were not read when the file was opened.
     #[test]
     fn all_bytes_of_a_long_file_are_returned_whether_or_not_it_is_packed() {
         let folder = tempfile::tempdir().unwrap();

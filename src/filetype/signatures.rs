@@ -146,8 +146,8 @@ fn has(head: &[u8], &(at, bytes, ..): &Signature) -> bool {
     head.split_at_checked(at).is_some_and(is_signature)
 }
 
-/// Returns true for UTF-16 text, which begins with a byte order mark, or has a zero byte after each Latin
-/// character.
+/// Returns true if a file begins with a byte order mark of UTF-16 (in little-endian UTF-32, the mark begins with
+/// the same two bytes), or with ASCII characters that are each followed by a zero byte.
 fn is_utf16(head: &[u8]) -> bool {
     let every_second_is_zero =
         |text: &[u8]| text.len() >= 8 && text.chunks_exact(2).all(|pair| matches!(pair, [b'\t'..=b'~', 0]));

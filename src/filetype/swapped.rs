@@ -17,7 +17,8 @@ pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
     let file = path.file_name().unwrap_or_default().display();
     has_only(text, &SCENE_KEYS, &EXPERIMENT_KEYS).then(|| {
         Error::input(format!("{} is a scene, not an experiment", path.display())).with_help(format!(
-            "`raycl render {}` renders this scene; an experiment lists it as scenes = [\"{file}\"]",
+            "`raycl render {}` renders this scene; an experiment in the scene's folder lists the scene as \
+             scenes = [\"{file}\"]",
             quote(&path_word(path))
         ))
     })

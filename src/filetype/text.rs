@@ -105,7 +105,7 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
     }
 }
 
-/// Returns the lines without blanks at both ends.
+/// Returns the lines, each without the blanks at its two ends.
 fn lines(head: &[u8]) -> impl Iterator<Item = &[u8]> {
     head.split(|&byte| byte == b'\n' || byte == b'\r').map(<[u8]>::trim_ascii)
 }
@@ -130,7 +130,7 @@ fn is_toml(line: &[u8]) -> bool {
     named && text.iter().position(|&byte| byte == end).is_some_and(|at| key(&text[..at]))
 }
 
-/// Returns true if JSON has the keys that most glTF files have near their start.
+/// Returns true if JSON has the keys `asset` and `version`, or one of three other keys that are typical of glTF.
 fn is_gltf(head: &[u8]) -> bool {
     let has = |key: &str| contains(head, key.as_bytes());
     has("\"asset\"") && has("\"version\"")
