@@ -304,7 +304,7 @@ fn wrong_values_have_their_position_and_what_was_expected() {
         ),
         (
             track("path = \"camera.position\"\nvalues = [[0, 0, 1],\n[0, 0]]"),
-            "this value and the first one have different numbers of elements",
+            "this value and the first one differ in structure",
             "scene.toml:20",
         ),
         (

@@ -49,8 +49,9 @@ impl fmt::Debug for Animation {
 }
 
 impl Animation {
-    /// Checks the `[animation]` of a scene file, and returns the animation. Tracks are left out only after they
-    /// were numbered, so that a path such as `animation.track.1` means the same track with and without an angle.
+    /// Checks the `[animation]` of a scene file, and returns the animation. If a setting sets an angle of the camera,
+    /// the file's tracks that move the camera are left out. They are left out only after all tracks were numbered, so
+    /// that a path such as `animation.track.1` means the same track with and without an angle.
     pub(super) fn of(document: Document, wire: AnimationWire, shot: Shot) -> Result<Self> {
         let AnimationWire { frames: Whole(frames), frames_per_second, track } = wire;
         let (left_out, kept): (Vec<_>, Vec<_>) =
@@ -109,9 +110,10 @@ impl Animation {
         })
     }
 
-    /// Adds the pictures that later frames use to [`INPUTS`](super::INPUTS), the list of the files that were read. For
-    /// this purpose, the function builds the scenes of some keyframes after frame 1: those of tracks whose values can
-    /// name pictures, or meshes that use pictures. If such a scene has a mistake, only the files that were read before
+    /// Finds the pictures of later frames, and adds them to [`INPUTS`](super::INPUTS), the list of the files that were
+    /// read. For this purpose, the function builds the scenes of all keyframes after frame 1, except keyframes of
+    /// tracks whose values are all numbers, lists of numbers, or names of STL and PLY files. Such values name neither
+    /// pictures nor meshes that use pictures. If one of the scenes has a mistake, only the files that were read before
     /// the mistake was found are added.
     pub(crate) fn find_files(&mut self) {
         // The files of frame 1 were read when the scene was loaded.
@@ -197,7 +199,7 @@ impl Animation {
                 Err(error) => return error,
             };
             match from_text::<SceneWire>(&document.text) {
-                // The value of this track makes the document valid again, so no earlier track is the mistake.
+                // With this track's value, the document is valid, so the mistake is not in an earlier track.
                 Ok(_) => wrong = None,
                 Err(error) => wrong = wrong.or(Some((track, document, error))),
             }
@@ -288,7 +290,7 @@ mod tests {
         assert_eq!(
             first.lights[0].power,
             Vec3::splat(6.0),
-            "a track has its first value before its first frame"
+            "before its first keyframe, a track has its first value"
         );
         let scenes = [2, 3].map(|frame| animation.scene(frame, &first).unwrap());
         assert_eq!([&scenes[0], &scenes[1]].map(|scene| scene.camera.position.x), [2.0, 4.0]);
@@ -389,15 +391,16 @@ mod tests {
         };
         assert_ne!(load(&after("look_at = [0, 0, 0]"), &[]).unwrap().position, Vec3::new(0.0, 0.0, 9.0));
         assert!(load(&after(position), &[]).is_err(), "the track sets a position");
-        // An option may set the azimuth although the file sets a position, or the position although a track
-        // sets the azimuth.
+        // An option may set the azimuth although the file sets a position. An option may also set the position
+        // although a track sets the azimuth.
         let eye = Value::Array([0, 0, 9].map(Value::from).to_vec());
         let set = |key: &str, value: Value| [(format!("camera.{key}"), value)];
         assert!(load(&file(position, ""), &set("azimuth_degrees", Value::from(40))).is_ok());
         assert_eq!(load(&file("", ""), &set("position", eye)).unwrap().position, Vec3::new(0.0, 0.0, 9.0));
     }
 
-    /// Loads an animation with a track of the camera before two other tracks, with an azimuth and `settings`.
+    /// Loads an animation of three tracks, of which the first moves the camera. Loads it with these settings: an
+    /// azimuth of the camera, and `settings`.
     fn with_angle(settings: &[(&str, Value)]) -> Loaded {
         let tracks = "[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 0, 0], [4, 0, 0]]\n\
             [[animation.track]]\npath = \"light.0.power\"\nvalues = [6, 8]\n\
@@ -460,8 +463,8 @@ mod tests {
         assert_eq!(animation.check(3..=3).unwrap_err().to_string(), expected, "the first frame differs");
     }
 
-    /// raycl builds frame 1 when it loads the file. Mistakes in frame 1 are reported with their line in the
-    /// file and without the frame's number.
+    /// raycl builds frame 1 when it loads the file. The message about a mistake in frame 1 contains the line in
+    /// the file, but not the frame's number. Where the help names a track, it also states the frame's number.
     #[test]
     fn locations_in_frame_1_are_lines_of_the_file_and_tracks_are_named_only_beside_their_mistake() {
         let folder = tempfile::tempdir().unwrap();

@@ -64,9 +64,10 @@ pub(super) fn between(
 }
 
 /// Returns the value at the frame `frame` of the monotone cubic interpolant of Fritsch and Butland (1984), as
-/// in SciPy's `PchipInterpolator`. The interpolant stays between the values of the two neighbouring
-/// keyframes. Therefore, a number that is valid at all keyframes is valid at all frames. For example, a
-/// coordinate of a camera moves only towards its value at the next keyframe, and never back.
+/// in SciPy's `PchipInterpolator`. Between two neighbouring keyframes, the interpolant is monotone: a
+/// coordinate of a camera, for example, moves only towards its value at the next keyframe, and never back. The
+/// interpolant thus stays between the values of these two keyframes. Therefore, a number that lies in the
+/// allowed range at all keyframes lies in this range at all frames.
 fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     let (from, to) = (values[begin], values[begin + 1]);
     let length = frames[begin + 1] - frames[begin];
@@ -111,7 +112,7 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
 /// keyframe and the two nearest keyframes, limited so that the curve does not overshoot (Moler, Numerical
 /// Computing with MATLAB, 2004, section 3.6). Two straight lines connect these three keyframes. The first
 /// parameter has the lengths of the two lines, in frames; the second parameter has their slopes. In both
-/// parameters, the line that ends at the first or the last keyframe of the track comes first.
+/// parameters, the line that has this keyframe at one end comes first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {
@@ -182,8 +183,8 @@ mod tests {
         }
     }
 
-    /// The expected slopes of the parabola were calculated on paper. Consider two straight lines of equal
-    /// length, which connect the three keyframes. The first line has the slope 1, and the second line has the
+    /// The expected slopes of the parabola were calculated on paper. Consider three keyframes at equal distances
+    /// in frames, connected by two straight lines. The first line has the slope 1, and the second line has the
     /// slope `next`. The parabola through the three keyframes has the slope (3 * 1 - next) / 2 at the first
     /// of them.
     #[test]
@@ -192,7 +193,8 @@ mod tests {
             assert_eq!(end_slope([1.0, 1.0], [1.0, next]), expected, "{next}");
             assert_eq!(end_slope([1.0, 1.0], [-1.0, -next]), -expected, "{next}");
         }
-        // The first line is twice as long as the second line, so the slope is ((4 + 1) * 1 - 2 * 0.5) / 3.
+        // The first line spans twice as many frames as the second line, so the slope is
+        // ((4 + 1) * 1 - 2 * 0.5) / 3.
         assert!((end_slope([2.0, 1.0], [1.0, 0.5]) - 4.0 / 3.0).abs() < 1e-15);
     }
 }

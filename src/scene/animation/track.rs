@@ -115,8 +115,8 @@ impl Track {
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
     }
 
-    /// Returns the frames of this track's keyframes. Returns no frames if no value of the track can name a
-    /// picture, or a mesh file that names pictures.
+    /// Returns the frames of this track's keyframes. Returns no frames if the track's values are all numbers,
+    /// lists of numbers, or names of mesh files that cannot name pictures (STL and PLY).
     pub fn steps(&self) -> impl Iterator<Item = u32> + '_ {
         let may_name_pictures = !self.values.iter().all(|value| names_no_picture(value.get_ref()));
         // A keyframe that was placed by `evenly` can lie between two frames. If a keyframe between two frames
@@ -225,8 +225,8 @@ fn checked(
     match values.iter().find(|value| !are_alike(first, value.get_ref())) {
         None => Ok(interpolation),
         Some(other) => {
-            let message = "this value and the first one have different numbers of elements";
-            let label = "expected as many numbers as in the first value";
+            let message = "this value and the first one differ in structure";
+            let label = "expected a number, or lists of the same lengths, as in the first value";
             Err(document.error(other.span(), message, label).with_help(STEPS))
         }
     }
