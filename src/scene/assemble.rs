@@ -1,5 +1,5 @@
-//! Makes a [`Scene`] from the types of the TOML file (`wire.rs`), and checks everything that these
-//! types cannot check.
+//! Makes a [`Scene`] from the values of a scene file, which are parsed into the types of `wire.rs`. Also makes
+//! checks that these types cannot make, for example whether keys fit together.
 
 mod camera;
 mod lights;
@@ -44,8 +44,9 @@ pub(super) struct Assembled {
     pub dressed: bool,
     /// True if the scene file or a setting sets the camera's position.
     pub eye_is_set: bool,
-    /// True if the camera may depend on the pictures' aspect ratio, because raycl places it so that the whole
-    /// scene is visible.
+    /// True if the camera may depend on the pictures' aspect ratio: if the scene is a bare mesh or sets an azimuth
+    /// or an elevation, and does not set the camera's position. raycl then places the camera so that the whole scene is
+    /// visible, unless the file of a bare mesh has a camera.
     pub is_framed: bool,
 }
 
@@ -137,8 +138,8 @@ fn turn_normals(mesh: &mut Mesh, around: Option<Ball>, camera: &Camera, shot: Sh
         return normals::turn_towards(mesh, camera.position);
     }
     normals::turn_outwards(mesh);
-    // In a room, the inner sides of the walls are visible at every angle. An open mesh, such as a sheet, has
-    // no outside. In a room and for an open mesh, the turntable's first view decides which side is lit.
+    // In a room, the camera sees the inner sides of the walls at all angles of the turntable. An open mesh, such as a
+    // sheet, has no outside. In a room and for an open mesh, the turntable's first view decides which side is lit.
     let has_outside = around.is_some_and(|ball| ball.is_closed()) && !encloses(mesh, camera.position);
     if !has_outside && facing::is_averted(mesh, camera, shot.aspect) {
         normals::reverse(mesh);

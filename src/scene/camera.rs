@@ -40,13 +40,14 @@ pub struct Camera {
 pub struct PixelFrame {
     /// The origin of all rays.
     pub eye: DVec3,
-    /// The direction through the image's top left corner.
+    /// The direction through the image's top left corner, moved by the offset of the pixels' rays
+    /// ([`Camera::shift`]).
     pub corner: DVec3,
     /// The change of the ray's direction from one pixel to the next pixel on the right.
     pub step_x: DVec3,
     /// The change of the ray's direction from one pixel to the next pixel below.
     pub step_y: DVec3,
-    /// Hits are visible if their depth is more than this distance.
+    /// Hits are ignored if their depth is at most this distance.
     pub z_near: f64,
     /// The inner product of `cone` and the vector from the eye to a point is the width of a pixel's ray cone
     /// at this point. The ray cone's width grows with the point's depth.

@@ -13,11 +13,13 @@ const COARSE_LIFT: f64 = 1e-3;
 /// some triangles coarse. Coarse triangles have 1.2% of the area of the Stanford bunny (69,451 triangles),
 /// and 0.1% of that of the dragon (202,520 triangles).
 const COARSE_SHARE: f64 = 0.05;
-/// In a mesh of more triangles, only about this many are examined, so that the decision takes little time.
+/// Largest number of triangles that are examined. In a mesh of more triangles, only every n-th triangle is
+/// examined, so that the decision takes little time.
 const MOST_EXAMINED: usize = 1 << 13;
 
 /// Returns true if a mesh is so coarse that its facets visibly shadow each other in steps. `ball` is the ball
-/// around the mesh. A mesh with flat facets is never coarse, since smooth shadows do not change it.
+/// around the mesh. A mesh that is shaded with flat facets is never coarse, since smooth shadows do not change
+/// it.
 pub(super) fn is_coarse(mesh: &Mesh, ball: Ball) -> bool {
     let (_, radius) = ball.centre_and_radius();
     let step = mesh.triangles.len().div_ceil(MOST_EXAMINED).max(1);

@@ -38,8 +38,8 @@ impl Scene {
     }
 }
 
-/// The projection of a camera's picture. Coordinates in the picture are 0 at its left and top edge, and 1 at
-/// its right and bottom edge.
+/// The projection of points to a camera's picture. Coordinates in the picture are 0 at its left and top edge,
+/// and 1 at its right and bottom edge.
 struct Projection {
     eye: DVec3,
     /// The camera's axes to the right, down and forward. The axis to the right is divided by the picture's
@@ -124,8 +124,8 @@ mod tests {
     #[test]
     fn a_triangle_that_passes_the_eye_is_cut_in_front_of_it() {
         // The triangle lies in a plane 1 unit below the eye, and begins behind the eye. The triangle's
-        // farthest corner has depth 2, so the triangle covers the columns from the left edge to the right
-        // edge, and the rows from 12 down.
+        // farthest corner has depth 2 and is projected to the upper edge of row 12. Near the eye, the triangle is
+        // wider than the picture. The bounding rectangle thus covers all columns, and the rows from 12 down.
         let floor = triangle([[-9.0, -1.0, 9.0], [9.0, -1.0, 9.0], [0.0, -1.0, -2.0]]);
         assert_eq!(floor.covered_share([64, 64]), 0.25);
         // This triangle is a needle that begins behind the eye, and ends at depth 1 below the camera's axis.
@@ -138,8 +138,8 @@ mod tests {
 
     #[test]
     fn rows_are_counted_by_the_pictures_height() {
-        // In a picture twice as wide as high, a cell is an eighth of a unit wide and a sixteenth of a unit
-        // high.
+        // In a picture twice as wide as high, a cell at depth 1 is an eighth of a unit wide and a sixteenth of
+        // a unit high.
         let upper = triangle([[0.01, 0.01, -1.0], [0.24, 0.01, -1.0], [0.01, 0.12, -1.0]]);
         assert_eq!(upper.covered_share([64, 32]) * 256.0, 4.0);
     }

@@ -34,7 +34,7 @@ fn instead_of(error: &std::io::Error) -> &'static str {
 pub(super) struct Document {
     /// The file's name in messages.
     pub name: String,
-    /// The TOML text, including all values from options or a config.
+    /// The TOML text, including all values that options, a config or tracks have set.
     pub text: String,
     /// The folder to which the document's paths are relative.
     pub folder: PathBuf,
@@ -55,7 +55,8 @@ pub(super) struct Document {
     held: RefCell<Option<(PathBuf, Opened)>>,
 }
 
-/// In a bare mesh without normals, edges stay sharp if their faces meet at more than this angle.
+/// In a bare mesh without normals, an edge stays sharp if the normals of the faces beside this edge differ by more
+/// than this angle.
 pub(super) const BARE_CREASE_DEGREES: u32 = 40;
 
 impl Document {
@@ -238,8 +239,8 @@ impl Document {
         self.with_settings(&span, located)
     }
 
-    /// Returns an error for a mistake in the part `span` of a file whose text must not be shown. The advice that shows
-    /// the line is in the message, since a caller may replace the help.
+    /// Returns an error for a mistake in the part `span` of a file whose text must not be shown. The message
+    /// names a command that shows the line. This advice is not in the help, since a caller may replace the help.
     fn withheld(&self, span: Range<usize>, mistake: &str) -> Error {
         let file = quote(&path_word(Path::new(&self.name)));
         let mistake = format!("{mistake}; `raycl render {file}` shows the line");

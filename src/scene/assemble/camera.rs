@@ -13,8 +13,8 @@ use glam::{DVec3, Vec3};
 use toml::Spanned;
 
 impl CameraWire {
-    /// Returns true if the scene file sets an azimuth or an elevation. raycl then places the camera so that
-    /// it shows the whole scene.
+    /// Returns true if the scene file sets an azimuth or an elevation. The base camera then shows the whole
+    /// scene.
     pub(super) fn is_framed(&self) -> bool {
         self.azimuth_degrees.is_some() || self.elevation_degrees.is_some()
     }
@@ -57,8 +57,8 @@ fn unused_angles(document: &Document, wire: &CameraWire) -> Option<String> {
     ];
     let set: Vec<&str> = angles.into_iter().filter(|(_, is_set)| *is_set).map(|(key, _)| key).collect();
     let (turn, change) = match set.len() {
-        1 => ("does not turn it", "it only changes"),
-        _ => ("do not turn it", "they only change"),
+        1 => ("does not turn the camera", "this angle only changes"),
+        _ => ("do not turn the camera", "these angles only change"),
     };
     let note = || {
         format!(
@@ -71,10 +71,10 @@ fn unused_angles(document: &Document, wire: &CameraWire) -> Option<String> {
 }
 
 /// Returns the base camera. Without a `ball` (the ball around the scene), the base camera is the paper's
-/// camera, at the file's origin and with a z_near of 0. With a `ball`, the base camera is the camera of the
-/// mesh's file, and `notes` receives the notes on this camera. If the mesh's file has no camera, or if the
-/// scene file sets an azimuth, an elevation or `up`, the base camera shows the whole scene with the field of
-/// view `lens`.
+/// camera, at the file's origin and with a z_near of 0. With a `ball`, there are two cases. If the file of a bare
+/// mesh has a camera, and the user sets no azimuth, no elevation and no `up`, the base camera is the file's
+/// camera, and `notes` receives the notes on this camera. Otherwise, the base camera shows the whole scene
+/// with the field of view `lens`.
 fn base_camera(
     wire: &CameraWire,
     lens: Option<Lens>,

@@ -13,11 +13,14 @@ use crate::scene::wire::{LightWire, SceneWire};
 use crate::scene::{Area, Camera, Light};
 use glam::Vec3;
 
-/// Returns the lights of a scene. If there is a `studio` (the default surroundings of a bare mesh), the function
-/// returns the studio's lights. Without a studio, the function returns the lights that the scene file or the user sets.
-/// If the user sets no lights for a bare mesh, the function returns the lights of the mesh's own file. If the mesh's
-/// own file has no lights and the user sets no sky, the function returns a key light and a fill light. If the scene has
-/// neither a light nor a sky, the function returns no lights, and adds a note.
+/// Returns the lights of a scene. The first of these rules that applies determines the lights:
+///
+/// - If there is a `studio` (the default surroundings of a bare mesh), the lights are those of the studio.
+/// - If the scene file or the user sets lights, the lights are these.
+/// - For a bare mesh whose own file has lights, the lights are those of this file.
+/// - For a bare mesh without a sky, the lights are a key light and a fill light.
+///
+/// If no rule applies, the function returns no lights. Adds a note if the scene has neither a light nor a sky.
 pub(super) fn lights(
     document: &Document,
     wire: &SceneWire,
@@ -47,8 +50,8 @@ pub(super) fn lights(
     lights
 }
 
-/// Refuses lights of the scene file that are too far away or too bright, or that have a shape but no edges. The error
-/// has the light's location in the file.
+/// Refuses lights of the scene file that have a value out of range, are too bright, or have a shape but no edges. The
+/// error states the light's location in the file.
 pub(super) fn check_lights(
     document: &Document,
     wire: &SceneWire,

@@ -20,7 +20,7 @@ use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
 
-/// Returns true if the scene is a single bare mesh. raycl may move and scale such a mesh when it reads it. If the user
+/// Returns true if the scene is a single bare mesh. raycl may move and scale such a mesh while reading it. If the user
 /// adds objects to a bare mesh, all meshes keep the positions and sizes that their files state, as in a scene file.
 pub(super) fn is_alone(document: &Document, objects: &[Spanned<ObjectWire>]) -> bool {
     document.bare && matches!(objects, [only] if only.get_ref().obj.is_some())
@@ -170,8 +170,8 @@ fn read_file(
         .open(&path)
         .map_err(|error| Error::unreadable("mesh", &path, &error, "give the path of a mesh"))?;
     refuse_foreign(document, file, &path, &opened)?;
-    // Messages may quote a bare mesh if `document.quotes` is true. Messages may quote a mesh that a scene
-    // file names if the mesh is in the scene file's folder.
+    // Messages may quote a bare mesh if `document.quotes` is true. If a scene file names the mesh, messages may
+    // quote the mesh only if it is in the scene file's folder.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: alone })?;
@@ -230,8 +230,8 @@ fn no_mesh(document: &Document, file: &Spanned<String>, path: &Path) -> Error {
     document.error(file.span(), message, label).with_help(help)
 }
 
-/// Refuses a file that is not a mesh. The message begins with the place where the user named the file: a line
-/// of the scene file, or a setting such as `--set`. The message does not quote this line.
+/// Refuses a file of a type that raycl does not read as a mesh. The message begins with the place where the user named
+/// the file: a line of the scene file, or a setting such as `--set`. The message does not quote this line.
 fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path, opened: &Opened) -> Result<()> {
     let name = format!("{}: {}", document.location_of(&file.span()), path.display());
     opened.filetype.refusal(&name, Wanted::Mesh).map_or(Ok(()), Err)
@@ -269,7 +269,7 @@ fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
 }
 
 /// Returns the shape with this name and with the object's parameters. Returns an error if no shape has this
-/// name, or if the shape does not have one of these parameters.
+/// name, if the object sets a parameter that the shape lacks, or if a parameter's value is out of range.
 fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Result<Shape> {
     let Some(mut shape) = Shape::from_name(name.get_ref()) else {
         let suggestion = or_meant(name.get_ref(), Shape::NAMES);
@@ -315,7 +315,7 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
     Ok(())
 }
 
-/// Refuses a shape whose mesh does not fit into the host's memory. For every two triangles, the mesh has one
+/// Refuses a shape whose mesh does not fit into the host's memory. For every two triangles, the mesh has about one
 /// position and one normal. Joining this mesh with the scene's other meshes takes at least half as much
 /// memory again. In total, the shape needs one and a half times the mesh's memory. For every two triangles,
 /// the shape thus needs the memory of three triangles, one and a half positions and one and a half normals.

@@ -1130,10 +1130,10 @@ fn angles_beside_a_position_are_noted() {
     };
     assert_eq!(
         notes("position = [0, 0, 3]\nazimuth_degrees = 40"),
-        [expected("azimuth_degrees does not turn it; it only changes")]
+        [expected("azimuth_degrees does not turn the camera; this angle only changes")]
     );
     let both = "position = [0, 0, 3]\nlook_at = [0, 0, 0]\nazimuth_degrees = 40\nelevation_degrees = 20";
-    let they_do = "azimuth_degrees and elevation_degrees do not turn it; they only change";
+    let they_do = "azimuth_degrees and elevation_degrees do not turn the camera; these angles only change";
     assert_eq!(notes(both), [expected(they_do)]);
     assert_eq!(notes("position = [0, 0, 3]"), [""; 0]);
     assert_eq!(notes("azimuth_degrees = 40\nlook_at = [0, 0, 0]"), [""; 0]);
