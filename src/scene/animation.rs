@@ -24,8 +24,9 @@ pub(super) use wire::AnimationWire;
 
 /// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built
 /// from a copy of the scene file's TOML table, in which the frame's values have been set. Each frame reuses
-/// data of the previous frame: a file that both frames use is not read again. If the mesh does not change,
-/// the scenes of both frames share one mesh.
+/// data of the previous frame: a mesh file that both frames use is read again only if a value that determines
+/// the mesh has changed, such as `crease`. If the mesh does not change, the scenes of both frames share one
+/// mesh.
 pub struct Animation {
     /// The number of frames, which are counted from 1.
     pub frames: u32,

@@ -147,8 +147,8 @@ impl Document {
         self.changed.as_ref().map_or(&self.text, |changed| &changed.original)
     }
 
-    /// Returns the origin of a part of the text: a setting (a value from an option or a config), a track, or
-    /// a range of the file's own text.
+    /// Returns the origin of a part of the text: a setting (a value from an option or a config), a track, a range
+    /// of the file's own text, or [`Origin::Unknown`].
     fn origin(&self, span: &Range<usize>) -> Origin<'_> {
         match &self.changed {
             Some(changed) => changed.origin(&self.text, span),
@@ -183,8 +183,8 @@ impl Document {
         format!("{}:{}", self.name, self.original().lines().count())
     }
 
-    /// Adds names to the help of an error: the names of all settings, and of the tracks that may have caused
-    /// the mistake. `span` is the part of the text that contains the mistake.
+    /// Adds to the help of an error what changed the scene's values: all settings, and the tracks that may have
+    /// caused the mistake. `span` is the part of the text that contains the mistake.
     pub fn with_settings(&self, span: &Range<usize>, error: Error) -> Error {
         // Frame 1 is built before all other frames. If frame 1 is valid, only tracks can make a later frame
         // invalid, so the help of a later frame's error names all tracks. If frame 1 is invalid, the mistake

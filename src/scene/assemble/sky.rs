@@ -14,9 +14,9 @@ use std::sync::Arc;
 use toml::Spanned;
 
 /// Returns the sky of a scene file. `up` is the direction of the zenith. `is_seen` is true if rays that hit nothing see
-/// the sky's picture instead of the background. Adds a note if the picture has values that are negative or not a
-/// number. Also adds notes on properties of the picture that raycl ignores, such as other primary colours than those of
-/// sRGB. Returns an error if the picture cannot be used, or if the sky's keys do not fit together, such as a picture
+/// the sky's picture instead of the background. Adds a note if the picture has values that are clearly negative or not
+/// a number. Also adds notes on properties of the picture that raycl ignores, such as other primary colours than those
+/// of sRGB. Returns an error if the picture cannot be used, or if the sky's keys do not fit together, such as a picture
 /// with a zenith.
 pub(super) fn build(
     document: &Document,
