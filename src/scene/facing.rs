@@ -1,5 +1,5 @@
-//! Measures how much of the visible surface faces away from the camera. Surfaces that face away are dark,
-//! since only the front of a surface is lit.
+//! Measures how much of the visible surface faces away from the camera. Lights on the camera's side leave such
+//! surfaces dark, since only the front of a surface is lit.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
 use super::{Camera, Scene};
@@ -22,10 +22,9 @@ const MOST: f64 = 0.5;
 /// infinite, and the second value is `None`. The second value is also `None` for a ground that raycl added.
 type Nearest = Vec<(f64, Option<bool>)>;
 
-/// The note begins with this text if the eye is inside an object and the scene file does not set the eye's
-/// position. Without a position in the file, the eye is usually at the origin, which is often inside an
-/// object. If the file sets the position, its author probably wants to see an object's inside. An angle,
-/// which this text recommends, would have no effect on a camera whose position is set.
+/// The note begins with this text if the eye is inside the bounding box of an object, and neither the scene file
+/// nor a setting sets the eye's position. The eye is then usually at the origin, which is often inside an object.
+/// If the position is set, the user probably wants to see an object's inside.
 const INSIDE: &str = "the eye is inside the bounding box of an object; `--azimuth 30 --elevation 20` (azimuth_degrees \
                       and elevation_degrees of [camera]) places the camera outside, where it sees the whole scene; ";
 
@@ -58,7 +57,7 @@ pub(super) fn note(
 }
 
 /// Returns true if `eye` is inside the bounding box of an object. `starts` contains the index of the first
-/// triangle of each object. The box of a flat object, such as a ground, contains no eye.
+/// triangle of each object. A box without thickness, such as that of a horizontal ground, contains no eye.
 fn is_inside(mesh: &Mesh, starts: &[u32], eye: Vec3) -> bool {
     let ends = starts.iter().skip(1).map(|start| *start as usize).chain([mesh.triangles.len()]);
     starts.iter().zip(ends).any(|(start, end)| {

@@ -1,5 +1,5 @@
-//! Notes of one kind, such as notes on pictures that cannot be read. The first three notes are shown; later
-//! notes are only counted.
+//! Notes of one kind, such as notes on pictures that cannot be read. The first three notes with different texts are
+//! shown; the notes on all other subjects are only counted.
 
 use crate::words::counted;
 use std::collections::HashSet;

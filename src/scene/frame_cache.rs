@@ -30,7 +30,7 @@ pub(super) struct FrameCache {
     /// The meshes of this frame's objects, before transforms and materials are applied. The keys of this map
     /// are the texts in `keys`.
     meshes: HashMap<String, MeshFile>,
-    /// The meshes of the previous frame's objects.
+    /// The meshes of the previous frame's objects, except those that this frame has already reused.
     earlier: HashMap<String, MeshFile>,
     /// All objects of this frame, and the scene's values that apply to all objects, as one text. Two frames
     /// with the same text have equal objects.
@@ -47,9 +47,10 @@ pub(super) struct FrameCache {
 }
 
 impl FrameCache {
-    /// Begins a frame of an animation, and makes the texts that determine its objects. `document` is the scene file's
-    /// table with the values of this frame. `objects_change` is true if the animation changes an object or the scene's
-    /// `crease`. The meshes in `meshes` become the meshes of the previous frame; older meshes are dropped.
+    /// Begins a frame of an animation, and makes the texts that determine the frame's objects. `document` is the
+    /// scene file's table with the values of this frame. `objects_change` is true if the animation changes an object
+    /// or the scene's `crease`. The meshes in `meshes` become the meshes of the previous frame; older meshes are
+    /// dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
         let (objects, of_all) =
             (document.get("object"), ["crease", "mip_levels", "textures"].map(|key| document.get(key)));
@@ -97,8 +98,8 @@ impl FrameCache {
         bounds
     }
 
-    /// Returns the texels of a sky's picture, multiplied by `strength`. Frames with the same picture and
-    /// strength share the multiplied texels. The text of an error continues a sentence that begins with the
+    /// Returns the texels of a sky's picture, multiplied by `strength`. Consecutive frames with the same picture
+    /// and strength share the multiplied texels. The text of an error continues a sentence that begins with the
     /// file's name.
     pub fn picture(&mut self, path: &Path, strength: f32) -> std::result::Result<FileTexels, String> {
         let wanted = (path.to_owned(), strength);
@@ -111,7 +112,7 @@ impl FrameCache {
         Ok(texels)
     }
 
-    /// Returns the texels of a sky's picture as they are in the file `path`.
+    /// Returns the texels of the sky's picture in the file `path`, without multiplying them by a strength.
     fn read(&mut self, path: &Path) -> std::result::Result<FileTexels, String> {
         if let Some((_, texels)) = self.picture.as_ref().filter(|(known, _)| known == path) {
             return Ok(texels.clone());
@@ -191,8 +192,8 @@ mod tests {
         // The texels of the picture that was read last are kept, so its file is not read again.
         std::fs::remove_file(&dark).unwrap();
         assert_eq!(red(&mut cache, &dark), 0.25);
-        // Frames with the same picture and the same strength also share the texels that were multiplied by
-        // this strength.
+        // If two requests in a row have the same picture and the same strength, they also share the texels that
+        // were multiplied by this strength.
         let mut texels = |strength| cache.picture(&dark, strength).unwrap().texels;
         let [one, again, stronger] = [2.0, 2.0, 4.0].map(&mut texels);
         assert!(Arc::ptr_eq(&one, &again));
