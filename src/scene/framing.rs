@@ -7,8 +7,9 @@ use rayon::prelude::*;
 
 /// Default field of view across the height. Like a portrait lens, this field of view distorts little.
 const FOV_Y_DEGREES: f32 = 35.0;
-/// The mesh fills this fraction of the picture's width or height. In the other direction, the mesh fills at
-/// most this fraction.
+/// The mesh usually fills this fraction of the picture's width or height. In the other direction, the mesh fills
+/// at most this fraction. If the eye would be nearer than `NEAREST_RADII` allows, the eye moves away, and the mesh
+/// fills less.
 const FILL: f64 = 0.92;
 /// The default direction from a mesh to the camera: the components to the right, upwards and to the front.
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
@@ -25,12 +26,12 @@ const LEAST_RADIUS: f64 = 1e-6;
 /// of the mesh's area. A mesh that is not closed is open if the horizontal part of the sum of its area vectors
 /// is also longer than this fraction of the mesh's area. If one triangle is reversed in a mesh whose area
 /// vectors add up to zero, the length of the sum becomes twice the triangle's area. Reversing one triangle can
-/// therefore make a closed mesh open only if the triangle has more than half of this fraction of the mesh's
-/// area. At most 19 triangles of a mesh are so large.
+/// therefore make such a mesh open only if the triangle has more than half of this fraction of the mesh's area.
+/// At most 19 triangles of a mesh are so large.
 const OPEN_PART: f64 = 0.1;
-/// A triangle belongs to a wall if the distances of all its corners from a side of the bounding box are at
-/// most this fraction of the box's extent. This fraction is above 0, since the walls of a room are rarely
-/// exactly parallel to the sides of its bounding box.
+/// A triangle belongs to a wall if the distances of all its corners from a side of the bounding box are at most this
+/// fraction of the box's extent perpendicular to the side. This fraction is above 0, since the walls of a room are
+/// rarely exactly parallel to the sides of its bounding box.
 const WALL_DEPTH: f64 = 1.0 / 16.0;
 /// A mesh is a room or a shell only if at least this many of its bounding box's six sides have a wall.
 const LEAST_WALLS: f64 = 3.0;
@@ -41,8 +42,8 @@ const OUTWARDS_PART: f64 = 0.9;
 const BODIES_PART: f64 = 0.02;
 /// The surfaces between the walls of a mesh count as bodies only if they are nearly closed. They are nearly
 /// closed if the sum of their area vectors (normal times area) has a length of at most this fraction of their
-/// area. For a cube without a bottom face, this length is a fifth of the area. For a recess in the wall of a
-/// shell, the length is a larger part of the area.
+/// area. For a cube without a bottom face, this length is a fifth of the area. For a shallow recess in the wall
+/// of a shell, the length is a larger part of the area.
 const BODIES_OPEN_PART: f64 = 0.3;
 /// A side of the bounding box counts as vertical if the component of the upward direction along the side's
 /// normal has an absolute value of less than this.
@@ -91,7 +92,8 @@ impl Ball {
         self.opening.is_some()
     }
 
-    /// Returns true if the mesh encloses a volume; false for a sheet, and for a room with an open side.
+    /// Returns true if the mesh seems to enclose a volume, because its area vectors nearly add up to zero. Returns
+    /// false, for example, for a flat sheet with one side, and for a room with an open side.
     pub fn is_closed(&self) -> bool {
         self.closed
     }
@@ -131,8 +133,8 @@ pub(super) struct View {
 }
 
 impl View {
-    /// Returns the rotations of the mesh that must fit into the pictures: `TURNS` rotations for a turntable,
-    /// otherwise only the identity.
+    /// Returns the rotations after each of which the mesh must fit into the pictures: `TURNS` rotations for a
+    /// turntable, otherwise only the identity.
     fn turns(&self) -> Vec<DMat3> {
         let count = if self.shot.turns { TURNS } else { 1 };
         let angle = |number: u32| f64::from(number) / f64::from(count) * std::f64::consts::TAU;
@@ -152,7 +154,8 @@ impl View {
     fn towards_eye(&self, opening: Option<DVec3>) -> [DVec3; 2] {
         let [right, front] = self.level();
         let DVec3 { x, y, z } = THREE_QUARTER;
-        // An open mesh is seen through its opening; any other mesh is seen from the right, above and in front.
+        // An open mesh is seen from the direction `opening`; any other mesh is seen from the right, above and in
+        // front.
         let usual = opening.unwrap_or_else(|| (right * x + self.up * y + front * z).normalize());
         if self.azimuth_degrees.is_none() && self.elevation_degrees.is_none() {
             return [usual, self.up];
@@ -162,7 +165,8 @@ impl View {
         let azimuth = self.azimuth_degrees.map_or_else(|| x.atan2(z), f64::to_radians);
         let elevation = self.elevation_degrees.map_or_else(|| y.atan2(x.hypot(z)), f64::to_radians);
         let level = right * azimuth.sin() + front * azimuth.cos();
-        // If the mesh is seen from straight above, its front is at the bottom of the picture.
+        // If the mesh is seen from straight above, the side at this azimuth (with an azimuth of 0, the front) is at
+        // the bottom of the picture.
         let upright = self.up * elevation.cos() - level * elevation.sin();
         [self.up * elevation.sin() + level * elevation.cos(), upright]
     }
@@ -340,12 +344,12 @@ impl Areas {
     }
 
     /// Returns the horizontal direction from which an open mesh is seen. Returns `None` for a mesh that is
-    /// not open ([`OPEN_PART`]). A room is seen through the side that has no wall. If every upright wall of
-    /// the room is opposite another wall, the result is `None`. A mesh whose walls face outwards is a room
-    /// only if bodies, such as furniture, lie between the walls. If no bodies lie between the walls, the mesh
-    /// is a shell, such as the housing of a device without its back. A shell's shape does not show from which
-    /// side the shell should be seen. Any mesh that is not a room, such as a shell or the scan of a face, is
-    /// seen from the direction in which its normals point on average.
+    /// not open ([`OPEN_PART`]). A room is seen through its open sides. If every upright wall of the room is
+    /// opposite another wall, no side is open, and the result is `None`. A mesh whose walls face outwards is a
+    /// room only if bodies, such as furniture, lie between the walls. Without such bodies, the mesh is a shell,
+    /// such as the housing of a device without its back. A shell's shape does not show from which side the shell
+    /// should be seen. A shell, and any other mesh that is not a room (such as the scan of a person's head from
+    /// one side), is seen from the direction in which its normals point on average.
     fn opening(&self, bounds: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let front = self.vector.reject_from_normalized(up);
         let is_open = front.length() > OPEN_PART * self.area;

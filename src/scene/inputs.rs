@@ -10,8 +10,8 @@ use std::time::SystemTime;
 /// The files of all scenes that this process has read.
 pub(crate) static INPUTS: Inputs = Inputs::new();
 
-/// Files that were read, or that would have been read if they existed, and pictures, existing or not, that a mesh names
-/// although raycl does not use them.
+/// Files that were read, or that would have been read if they existed. Also pictures that a mesh names but that raycl
+/// does not use, whether they exist or not.
 #[derive(Debug)]
 pub(crate) struct Inputs(Mutex<Files>);
 
@@ -19,7 +19,8 @@ pub(crate) struct Inputs(Mutex<Files>);
 struct Files {
     /// The paths of the files. In each path, the folder's part is canonical (absolute, without links and `..`).
     paths: BTreeSet<PathBuf>,
-    /// For each path that contains a link, what [`leads_to`] returned when the path was last checked.
+    /// What [`leads_to`] returned when a path was last checked, for each path that contains a link or `..`, or
+    /// whose folder is missing.
     targets: BTreeMap<PathBuf, Option<PathBuf>>,
 }
 
@@ -34,7 +35,8 @@ impl Inputs {
         let names = [in_canonical_folder(path), path.canonicalize().ok()];
         let mut held = self.held();
         if let Ok(named) = std::path::absolute(path) {
-            // A path without links leads to the same file for ever.
+            // A path without links need not be checked: it leads to the same file until the file or one of its
+            // folders is replaced.
             match leads_to(path) {
                 Some(target) if target == named => held.targets.remove(&named),
                 target => held.targets.insert(named, target),
@@ -50,7 +52,7 @@ impl Inputs {
 
     /// Returns true if the path of a file leads to another file than before. "Before" means the last call or,
     /// if the path was added after the last call, the time when the path was added. A path leads to another
-    /// file if the file's link, or a link to one of its folders, is replaced.
+    /// file, for example, after a link in the path (to the file or to a folder) was replaced.
     pub fn lead_elsewhere(&self) -> bool {
         let mut is_any_new = false;
         for (path, target) in &mut self.held().targets {

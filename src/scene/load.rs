@@ -30,12 +30,13 @@ pub struct Loaded {
     /// True for a bare mesh, which has no scene file.
     pub is_bare: bool,
     /// True if the camera may depend on the pictures' aspect ratio, because raycl places it so that the whole
-    /// scene is visible. If this field is true, pictures with another aspect ratio need another camera.
+    /// scene is visible. If this field is true, pictures with another aspect ratio may need another camera.
     pub is_framed: bool,
     /// The animation, if the scene file has one. The animation makes the scenes of all frames after the
     /// first.
     pub animation: Option<Animation>,
-    /// Notes on parts that were ignored or replaced by defaults, such as a missing MTL file.
+    /// Notes for the user, for example on parts that were ignored or replaced by defaults, such as a missing MTL
+    /// file.
     pub notes: Vec<String>,
 }
 
@@ -45,13 +46,13 @@ pub struct Loaded {
 pub struct Shot {
     /// The ratio of the pictures' width to their height.
     pub aspect: f64,
-    /// True if the scene turns on a turntable. On a turntable, the camera is so far away that the whole scene
-    /// is visible at every angle.
+    /// True if the scene turns on a turntable. raycl then places the camera so far away that the whole scene is
+    /// visible at each of 24 equally spaced angles (`TURNS` in `framing.rs`).
     pub turns: bool,
     /// True if a bare mesh without lights and without a sky gets soft light, a sky and usually a ground.
     pub dressed: bool,
-    /// The largest number of triangles that can be cast; `None` if this number is not known. Shapes with more
-    /// triangles are refused before their triangles are made.
+    /// The largest number of triangles that can be cast; `None` if this number is not known. Shapes that certainly
+    /// have more triangles in all are refused before their triangles are made.
     pub most_triangles: Option<u64>,
 }
 
@@ -62,14 +63,15 @@ impl Shot {
 }
 
 /// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The file's contents show
-/// whether it is a scene or a mesh; if the contents are unclear, the file's extension decides. For a mesh
-/// without a scene file, the camera and the lights are those of the mesh's own file. If this file has no
-/// camera, the camera looks at the mesh from the right, above and in front. The camera looks into a room
-/// through the room's open side. The camera looks horizontally at an open mesh that is not a room, from the
-/// side to which the mesh's faces point on average. The whole mesh is then visible in images that are at
-/// least as wide as high. If the file has no lights, the mesh gets a key light and a fill light. The normals
-/// of triangles that face away from the camera are reversed; in a scene that is seen from all sides, either
-/// all normals are reversed or none.
+/// whether it is a scene or a mesh; if the contents are unclear, the file's extension decides.
+///
+/// For a mesh without a scene file, the camera and the lights are those of the mesh's own file. If this file has
+/// no camera, raycl places the camera so that the whole mesh is visible in images that are at least as wide as
+/// high. The camera looks horizontally at an open mesh: into a room through the room's open side, and at any
+/// other open mesh from the side to which the mesh's normals point on average. The camera looks at all other
+/// meshes from the right, above and in front. If the mesh's file has no lights, the mesh gets a key light and a
+/// fill light. raycl reverses the normals of the mesh's triangles that face away from the camera. (On a
+/// turntable, see [`Shot::turns`], raycl reverses either all normals of the mesh or none.)
 ///
 /// # Errors
 ///
@@ -92,8 +94,8 @@ pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loa
     load(path, &settings, Shot::SQUARE, true)
 }
 
-/// Loads a scene like [`load_scene_with`], for the pictures that `shot` describes: raycl places the camera so
-/// that a mesh without a scene file fills these pictures.
+/// Loads a scene like [`load_scene_with`], for the pictures that `shot` describes. If raycl places the camera, it
+/// places the camera so that the whole scene is visible in these pictures.
 ///
 /// # Errors
 ///
