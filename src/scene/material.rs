@@ -5,8 +5,8 @@ use glam::Vec3;
 
 /// The default diffuse reflectance k_L. The ground in the paper has this k_L.
 pub const DEFAULT_LAMBERTIAN: f32 = 0.8;
-/// The radiance that the default display shows as white. Files of meshes state emitted light in units of this
-/// radiance.
+/// The radiance that the default display shows as white. raycl reads the emitted light in mesh files in units of
+/// this radiance.
 pub(super) const WHITE_RADIANCE: f32 = 1.0 / PAPER_EXPOSURE;
 /// The highlight's strength k_G in the paper's figures.
 pub const PAPER_GLOSSY: f32 = 0.2;
@@ -109,13 +109,13 @@ impl Material {
         self.to_floats().into_iter().chain(self.emission_floats()).take(Self::floats(emissive))
     }
 
-    /// Returns the emitted radiance (3), and the number of its texture plus 1 (0 without a texture).
+    /// Returns the emitted radiance (3 floats), and the index of the emission texture plus 1 (0 without a texture).
     pub fn emission_floats(self) -> [f32; Self::EMISSION_FLOATS] {
         let [r, g, b] = self.emitted.to_array();
         [r, g, b, self.emission_texture.map_or(0.0, |number| (number + 1) as f32)]
     }
 
-    /// Returns the reflectance as floats: k_L (3), k_G (3), s, kind (0 Lambertian, 1 Blinn-Phong).
+    /// Returns the reflectance as floats: k_L (3 floats), k_G (3 floats), s, kind (0 Lambertian, 1 Blinn-Phong).
     pub fn to_floats(self) -> [f32; Self::FLOATS] {
         let kind = match self.kind {
             MaterialKind::Lambertian => 0.0,

@@ -110,9 +110,9 @@ impl Mesh {
         lamps.for_each(|lamp| lamp.set_emission_texture(None));
     }
 
-    /// Assigns a copy of their material, which emits no light, to triangles that have an emission texture but
-    /// no texture coordinates. `triangles` has the indices of the triangles without texture coordinates. Returns the
-    /// number of triangles that have an emission texture but no texture coordinates.
+    /// Gives each triangle that has an emission texture but no texture coordinates a copy of its material. The copy
+    /// emits no light. `triangles` has the indices of the triangles without texture coordinates. Returns the number of
+    /// triangles that got a copy.
     pub(super) fn leave_out_emission_textures(&mut self, triangles: &[usize]) -> usize {
         let (mut copies, mut dark) = (HashMap::new(), 0);
         for &number in triangles {
@@ -133,8 +133,9 @@ impl Mesh {
 
     /// Returns a function that tells which triangles count for the size of the mesh: those with three corners at
     /// different positions. No ray hits a triangle with two corners at the same position; some programs leave such
-    /// triangles far from the object. If the mesh has only such triangles, because it is so far from its origin that
-    /// rounding joined its corners, then triangles with three different indices count, or else all.
+    /// triangles far from the object. A mesh may have only such triangles, for example if it is so far from its origin
+    /// that rounding joined its corners. The triangles with three different indices of positions then count. If there
+    /// are none of these either, all triangles count.
     fn counts_for_size(&self) -> impl Fn(&Triangle) -> bool + Sync {
         let by_position = |triangle: &Triangle| are_apart(&self.corners(triangle));
         let by_index = |triangle: &Triangle| are_apart(&triangle.positions);
@@ -170,9 +171,9 @@ impl Mesh {
         is_corner.into_iter().map(AtomicBool::into_inner).collect()
     }
 
-    /// Returns the smallest and the largest corner of the bounding box of the triangles that a ray can hit, or of all
-    /// triangles if no ray can hit one; `None` if the mesh has no triangles. No ray hits a triangle with two corners at
-    /// the same position; some programs leave such triangles far from the object.
+    /// Returns the smallest and the largest corner of the mesh's bounding box; `None` if the mesh has no triangles.
+    /// Triangles with two corners at the same position are left out, unless the mesh has only such triangles. No ray
+    /// hits them, and some programs leave such triangles far from the object.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         type Bounds = (Vec3, Vec3);
         let none = || (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -200,8 +201,8 @@ impl Mesh {
     }
 
     /// Appends the mesh `other`. All indices in `other`, including those of emission textures, grow by the lengths of
-    /// this mesh's lists. If only one of the two meshes has colours of corners, the corners of the other mesh become
-    /// white.
+    /// this mesh's lists. If exactly one of the two meshes has colours of corners, the corners of the mesh without
+    /// colours become white.
     pub fn append(&mut self, other: Mesh) {
         if self.positions.is_empty() && self.normals.is_empty() && self.materials.is_empty() {
             *self = other;
@@ -265,7 +266,7 @@ mod tests {
         assert_eq!(all.corner_colours, expected);
     }
 
-    /// A triangle with two corners at the same position is counted only if there is no other triangle.
+    /// A triangle with two corners at the same position is counted only if all triangles of the mesh are of this kind.
     #[test]
     fn triangles_that_no_ray_hits_do_not_enlarge_a_mesh() {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::splat(9.0), Vec3::splat(9.0)];

@@ -33,8 +33,9 @@ impl Mesh {
 }
 
 impl Textures {
-    /// Adds mip levels to all pictures that are used as colours. If a picture is both the colour and the mask
-    /// of a surface, the picture's texels are weighted by their alpha. `materials` are those of the mesh.
+    /// Adds mip levels to all pictures that are used as colours or as emission textures. A texel of a mip level is a
+    /// mean of texels. If a picture is both the colour and the mask of a surface, these means are weighted by the
+    /// texels' alpha. `materials` are those of the mesh.
     pub(super) fn add_levels(&mut self, materials: &mut [Material]) {
         let weights = self.separate_weights(materials);
         let mut made: HashMap<(*const [u32], bool), Arc<[u32]>> = HashMap::new();
@@ -55,12 +56,12 @@ impl Textures {
         }
     }
 
-    /// Returns one value per texture: true if the texels of its mip levels are weighted by their alpha,
-    /// otherwise false. The value is `None` if the texture is not used as a colour. If some triangles need a
-    /// texture whose texels are weighted by their alpha, and other triangles need the same texture
-    /// unweighted, the texture is copied. The first triangle with the texture decides whether the original
-    /// texture is weighted. Triangles for which the original texture is wrong get the copy. The texels of
-    /// emission textures are never weighted by their alpha.
+    /// Returns one value per texture: true if the means that form its mip levels are weighted by the texels' alpha,
+    /// otherwise false. The value is `None` if the texture is used neither as a colour nor as an emission texture. If
+    /// some triangles need a texture whose texels are weighted by their alpha, and other triangles need the same
+    /// texture unweighted, the texture is copied. The first triangle with the texture decides whether the original
+    /// texture is weighted. Triangles for which the original texture is wrong get the copy. The texels of emission
+    /// textures are never weighted by their alpha.
     fn separate_weights(&mut self, materials: &mut [Material]) -> Vec<Option<bool>> {
         let Self { list, mapped } = self;
         let mut weights = vec![None; list.len()];
@@ -313,11 +314,11 @@ mod tests {
         let [plain, by_alpha] = [false, true].map(|by_alpha| with_levels([2, 1], &picture, by_alpha));
         assert_ne!(plain, by_alpha);
         let expected = [plain.clone(), by_alpha.clone()];
-        // In glTF, a surface with a mask has a separate colour texture.
+        // In glTF, a surface with a mask does not share its colour texture with surfaces without a mask.
         let (shown, textures) = levels(vec![of(0), of(0x8000)], &[row(0, None), row(1, Some(1))]);
         assert_eq!((shown, textures.list.len()), (expected.to_vec(), 2));
-        // In OBJ, both surfaces have the same colour texture, which becomes two textures. The mask gets the
-        // texels of its own surface's colour texture.
+        // In OBJ, surfaces with and without a mask share a colour texture, which becomes two textures. The mask
+        // gets the texels of its own surface's colour texture.
         for swapped in [false, true] {
             let mut mapped = [row(0, None), row(0, Some(1)), row(0, None)];
             let mut expected = [&plain, &by_alpha, &plain].map(Arc::clone);

@@ -1,8 +1,8 @@
 //! Scenes: triangles, materials, lights, a camera.
 //!
 //! A [`Scene`] that is loaded from a file is validated: every number is finite, every index is in bounds, and
-//! every triangle has normals. (Code that makes a scene itself calls [`Scene::validate`].) Later code does
-//! not check these properties again. Devices and the reference use the same `f32` values.
+//! every triangle has normals. (Code that makes a scene without a file should call [`Scene::validate`].) Later
+//! code does not check these properties again. Devices and the reference use the same `f32` values.
 
 mod animation;
 mod area;
@@ -119,8 +119,8 @@ impl Display {
         let radiance = |value| {
             let exposed = self.tone.inverse(shown(value).powf(self.gamma.into()));
             let nearest = (exposed / f64::from(self.exposure)) as f32;
-            // No half step is added for the displayed value 255, the largest one. If the radiance for 255 was
-            // rounded down, it would be displayed as 254.
+            // No half step is added for the displayed value 255, the largest one. If rounding to f32 makes the
+            // radiance for 255 too small, it is displayed as 254. The next larger f32 then replaces it.
             let brightness = self.tone.apply(f64::from(self.exposure) * f64::from(nearest));
             let is_too_dark = value == u8::MAX && brightness < 1.0;
             if is_too_dark { nearest.next_up() } else { nearest }
@@ -287,7 +287,7 @@ mod tests {
     use super::*;
     use crate::reference::fixtures::single_triangle;
 
-    /// docs/scenes.md states these values; the paper's scenes have them too.
+    /// docs/scenes.md states these values: the defaults of a scene, and the near plane of the paper's scenes.
     #[test]
     fn the_defaults_of_a_scene_are_those_of_the_documents() {
         use super::material::{PAPER_GLOSSY, PAPER_SHININESS};

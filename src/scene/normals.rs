@@ -46,8 +46,8 @@ pub(super) fn flatten(mesh: &mut Mesh) {
 }
 
 /// Reverses the normals of every triangle whose front (the side to which its normals point) faces away from
-/// `eye`. If the normals were not reversed, the visible side of a triangle whose front faces away from the
-/// eye would be dark. All normals of a triangle are reversed together, since reversing only some of them
+/// `eye`. If the normals were not reversed, lights on the eye's side would leave the visible side of such a
+/// triangle dark. All normals of a triangle are reversed together, since reversing only some of them
 /// would disturb the shading along outlines.
 pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     let eye = eye.as_dvec3();
@@ -315,7 +315,7 @@ mod tests {
                 assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [eye; 3], "{corners:?}");
             }
         }
-        // The eye is behind the triangle, but on the same side of the origin.
+        // The eye is behind the triangle, although the eye and the triangle are on the same side of the origin.
         let corners = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|corner| corner + 5.0 * Vec3::Z);
         let mut mesh = triangle(corners, vec![Vec3::Z], [0; 3]);
         turn_towards(&mut mesh, 3.0 * Vec3::Z);

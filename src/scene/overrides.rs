@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::words::counted;
 use toml::{Table, Value};
 
-/// The help in an error about a path that does not exist.
+/// The help in an error about a path that cannot be set.
 pub(super) const PATHS: &str = "a path is names and indices joined by dots: camera.position, light.0.power";
 
 /// The camera's keys for the angles from which the camera shows the whole scene.
@@ -17,9 +17,10 @@ const POSE_AND_FOV: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_
 /// element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting of the camera's
 /// azimuth or elevation, the camera shows the whole scene. A setting of the azimuth or the elevation therefore removes
 /// the camera's position, direction and field of view from the scene's table. Settings before and after the angle may
-/// set the direction and the field of view again. The animation's tracks of the camera stay in the table, so that each
-/// track keeps its index in a setting's path and in a location for a message; `Animation::of` leaves them out. Returns
-/// an error if a path cannot be set, or if one setting sets an angle and another setting sets the position.
+/// set the direction and the field of view again. The animation's tracks of the camera stay in the table, so that the
+/// indices of all tracks, to which paths of settings and messages refer, stay the same; `Animation::of` leaves out the
+/// tracks of the camera. Returns an error if a path cannot be set, or if one setting sets an angle and another setting
+/// sets the position.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
     if have_angle(settings) {
@@ -50,16 +51,14 @@ pub(super) fn sets_camera_position(path: &str, value: &Value) -> bool {
     }
 }
 
-/// Refuses an azimuth or elevation if another setting sets the camera's position, since one of these two
-/// settings would have no effect.
+/// Refuses an azimuth or elevation if another setting sets the camera's position: the position would replace the
+/// place that follows from the angle.
 fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
     let angle = settings.iter().find(|setting| is_angle(&setting.path));
     let position = settings.iter().find(|setting| sets_camera_position(&setting.path, &setting.value));
     let Some((angle, position)) = angle.zip(position) else { return Ok(()) };
-    let message = format!(
-        "this angle and '{}' both place the camera, so one of them would have no effect",
-        position.origin
-    );
+    let message =
+        format!("this angle and '{}' both place the camera; expected only one of them", position.origin);
     Err(angle.error(message).with_help("leave out the angle or the position"))
 }
 
@@ -208,7 +207,7 @@ mod tests {
             for angle in ["camera.azimuth_degrees", "camera.elevation_degrees"] {
                 let (path, value) = &position;
                 let expected = format!(
-                    "{angle} = 1: this angle and '{path} = {value}' both place the camera, so one of them would have no effect"
+                    "{angle} = 1: this angle and '{path} = {value}' both place the camera; expected only one of them"
                 );
                 assert_eq!(applied(&[one(angle), position.clone()]), Err(expected.clone()));
                 assert_eq!(applied(&[position.clone(), one(angle)]), Err(expected));

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 /// At a position with more faces than this, each face gets the normal of its own plane, since comparing every
 /// two of these faces would take too long.
 const MOST_FACES: usize = 1024;
-/// An edge stays smooth if the angle between its faces exceeds the crease angle by at most this. Rounding of
-/// positions turns faces slightly. Without this tolerance, rounding would decide which edges of a regular
-/// prism are sharp if the prism's faces meet at exactly the crease angle.
+/// An edge stays smooth if the angle between its faces' normals exceeds the crease angle by at most this. Rounding
+/// of positions turns faces slightly. Without this tolerance, rounding would decide which edges of a regular prism
+/// are sharp if the normals of neighbouring faces differ by exactly the crease angle.
 const ROUNDING_DEGREES: f64 = 0.01;
 
 /// A face at a position: its unit normal, and this normal multiplied by twice the face's area.
@@ -186,7 +186,7 @@ mod tests {
     fn rounding_does_not_decide_which_edges_are_sharp() {
         for sides in [8, 9, 12, 36] {
             for scale in [1.0, 3.7, 10.0] {
-                // Neighbouring faces of the wall meet at this angle, in degrees.
+                // The normals of neighbouring sides of the wall differ by this angle, in degrees.
                 let between = 360.0 / sides as f32;
                 let [smooth, equal, less] = [None, Some(between), Some(between - 0.1)].map(|crease| {
                     let mut mesh = wall(sides, scale);
@@ -208,8 +208,8 @@ mod tests {
 
     #[test]
     fn the_tip_of_a_cone_is_round_although_many_faces_meet_there() {
-        // The cone's side slopes by 60 degrees. The normals of opposite faces differ by 120 degrees, those of
-        // neighbours by 10.
+        // The cone's side slopes by 60 degrees. The normals of opposite faces differ by about 120 degrees, those of
+        // neighbours by about 10.
         let sides = 32_u32;
         let ring = (0..sides).map(|number| {
             let (sin, cos) = (TAU * f64::from(number) / f64::from(sides)).sin_cos();
