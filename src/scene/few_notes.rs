@@ -18,7 +18,7 @@ pub(in crate::scene) struct FewNotes {
 impl FewNotes {
     /// Counts a note on the subject `about`, such as the whole name of a file. Only the first note on a
     /// subject counts. If fewer than `SHOWN` notes have been appended, calls `note` to make the note, and
-    /// appends it to `notes`. If a note may not name its subject, notes on different subjects may have equal
+    /// appends it to `notes`. If a note must not name its subject, notes on different subjects may have equal
     /// texts. Of notes with equal texts, only the first is appended.
     pub fn add(&mut self, about: String, note: impl FnOnce() -> String, notes: &mut Vec<String>) {
         if !self.subjects.insert(about) || self.shown.len() >= SHOWN {

@@ -83,8 +83,8 @@ pub fn load_scene(path: &Path) -> Result<Loaded> {
 }
 
 /// Loads a scene with changed values. Each element of `overrides` has the dotted path of a value in the file,
-/// such as `camera.position` or `object.0.triangles`, and the new value. A mesh without a scene file is
-/// treated like a scene file whose only object is the mesh.
+/// such as `camera.position` or `object.0.triangles`, and the new value. For these paths, a mesh without a scene
+/// file counts as a scene file whose only object is the mesh.
 ///
 /// # Errors
 ///

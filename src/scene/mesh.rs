@@ -56,8 +56,8 @@ pub(super) fn are_apart<T: PartialEq>([a, b, c]: &[T; 3]) -> bool {
 }
 
 impl Mesh {
-    /// Returns the size in bytes of a mesh with these numbers of triangles, positions and normals, without
-    /// the mesh's materials and textures.
+    /// Returns the size in bytes of a mesh with these numbers of triangles, positions and normals, without the mesh's
+    /// materials, textures and colours of corners.
     pub const fn bytes(triangles: u64, positions: u64, normals: u64) -> u64 {
         triangles * size_of::<Triangle>() as u64 + (positions + normals) * size_of::<Vec3>() as u64
     }
