@@ -46,16 +46,16 @@ pub(super) struct SceneWire {
     pub textures: Option<bool>,
     /// Use mip levels, smaller versions of textures, for pixels larger than texels [default: true].
     pub mip_levels: Option<bool>,
-    /// Crease angle in degrees: edges of meshes without normals stay sharp if their faces meet at a larger
-    /// angle. The crease angle is measured in the mesh's own coordinates, before `scale` [default: all edges
-    /// are smooth].
+    /// Crease angle in degrees: in meshes without normals, an edge stays sharp if the normals of its two faces
+    /// differ by more than this angle. The angle is measured in the mesh's own coordinates, before `scale`
+    /// [default: all edges are smooth].
     #[schemars(with = "Option<Number<Crease>>")]
     pub crease: Option<Spanned<Number<Crease>>>,
     /// The gap between a hit and that end of the hit's shadow ray which is near the hit [default: 1e-4 of the diagonal
     /// of the scene's box, but at least 9.5e-7 of the largest coordinate of the surfaces and of the camera's position].
     pub shadow_bias: Option<Number<NonNegative>>,
-    /// Illuminate coarse meshes with smooth normals on a smooth surface above their triangles, so that their facets
-    /// do not shadow each other in steps [default: false].
+    /// Compute light and shadows as if hits lay on a smooth surface above their triangles, so that the facets of a
+    /// coarse mesh with smooth normals do not shadow each other in steps [default: false].
     pub smooth_shadows: Option<bool>,
     /// How radiance is converted to 8-bit colours.
     #[serde(default)]
@@ -202,7 +202,7 @@ pub(super) struct SkyWire {
     pub picture: Option<Spanned<String>>,
     /// A factor for the picture's radiance [default: 1].
     pub strength: Option<Number<NonNegative>>,
-    /// Degrees by which the picture is turned around the zenith, counter-clockwise from above [default: 0].
+    /// Degrees by which the picture is turned around the zenith, counter-clockwise as seen from above [default: 0].
     pub turn_degrees: Option<Number<Finite>>,
     /// The distance from a hit beyond which surfaces do not occlude the sky [default: surfaces at any
     /// distance occlude it].

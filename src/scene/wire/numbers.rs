@@ -59,7 +59,7 @@ ranges! {
     /// The range of the angle of a camera above the horizon.
     Elevation: "an angle from -90 to 90 degrees", |value| (-90.0..=90.0).contains(&value),
         { "minimum": -90, "maximum": 90 };
-    /// The range of angles between faces.
+    /// The range of crease angles, which are angles between the normals of two faces.
     Crease: "an angle from 0 to 180 degrees", |value| (0.0..=180.0).contains(&value),
         { "minimum": 0, "maximum": 180 };
     /// The range of fields of view. Angles near 0 and 180 degrees are refused, since the tangent of half such
