@@ -1,7 +1,7 @@
 //! The samples of a pixel. The positions of the samples are distributed like the pixel filter, so that all
 //! samples have the same weight (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium
-//! on Interactive Ray Tracing 2006). All pixels use the same positions (Haeberli and Akeley, "The
-//! Accumulation Buffer", 1990), so that the rays of neighbouring pixels stay nearly parallel.
+//! on Interactive Ray Tracing 2006). A sample has the same position in every pixel (Haeberli and Akeley,
+//! "The Accumulation Buffer", 1990), so that the rays of neighbouring pixels stay nearly parallel.
 
 use crate::manifest::{INTERLEAVED, SAMPLED_BLOCK};
 
@@ -18,7 +18,7 @@ const FIRST_OF: u32 = 16;
 /// The least width of a sample's ray cone as a share of the pixel's width, as in pbrt.
 const LEAST_CONE: f32 = 0.125;
 /// Arbitrary seeds for Owen's scrambling of the two coordinates. The scrambling makes the samples' positions look
-/// random. The positions are the same in every picture, since the seeds are fixed.
+/// random. Since the seeds are fixed, all pictures with the same number of samples use the same positions.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 
 /// One sample; its offset is the same in every pixel.
@@ -53,8 +53,8 @@ pub enum SampleLight {
     /// receives light from one point of each light and from one direction of the sky. In a half picture, the
     /// points of lights and the directions of the sky repeat after `INTERLEAVED` pixels.
     Interleaved,
-    /// The sample receives light from the lights' centres and the sky's mean radiance, as if no surfaces were
-    /// in between.
+    /// The sample receives light from the lights' centres, and the mean of the sky's radiance around the
+    /// hit's normal, as if no surface blocked the light.
     Unoccluded,
 }
 
@@ -110,7 +110,7 @@ impl Sampling {
 
     /// Returns the samples of each pixel of a half picture (of half the width and height). All samples are at
     /// the pixel's centre, and differ only in the points of lights and the directions of the sky. Unoccluded
-    /// light comes from the lights' centres, so it needs only one sample.
+    /// light depends on no such point or direction, so it needs only one sample.
     pub fn of_half_light(&self, light: SampleLight) -> Vec<Sample> {
         let Self { most, half_light, .. } = *self;
         let count = if light == SampleLight::Unoccluded { 1 } else { half_light };
@@ -163,8 +163,9 @@ impl Sample {
         (self.light == SampleLight::Interleaved).then_some(INTERLEAVED)
     }
 
-    /// Returns the width of the sample's ray cone as a share of the pixel's width. The pixel's area is
-    /// divided among the samples of this sample's round and of the earlier round.
+    /// Returns the width of the sample's ray cone as a share of the pixel's width, at least `LEAST_CONE`. In
+    /// the first round, the pixel's area is divided among the samples of this round; in the second round,
+    /// among the samples of both rounds. In a half picture, every cone is as wide as the pixel.
     pub fn cone_share(&self) -> f32 {
         if self.light == SampleLight::Interleaved {
             return 1.0; // all rays pass through the pixel's centre
@@ -187,8 +188,8 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 /// central sample comes first, since with adaptive sampling a pixel may get only one sample. To bring the
 /// most central sample to the front, each sample's index is combined with the most central sample's index by
 /// exclusive or. The exclusive or keeps together the samples of each aligned block of the sequence (2^k
-/// samples, the first of which has an index divisible by 2^k). Only the samples of an aligned block are
-/// evenly distributed in the pixel.
+/// samples, the first of which has an index divisible by 2^k). These blocks must stay together, because
+/// Sobol's sequence distributes the points of a whole block evenly.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];

@@ -75,7 +75,7 @@ pub(super) struct FileTexels {
     pub texels: Arc<[[f32; 3]]>,
     /// The number of texels with a value that was clearly negative or not a number.
     pub invalid: usize,
-    /// Remarks on unsuitable properties of the picture, for example if it is not twice as wide as high. Each
+    /// Remarks on unsuitable properties of the picture, for example that it is not twice as wide as high. Each
     /// remark continues a sentence that begins with the file's name.
     pub remarks: Vec<String>,
     /// The names of the picture's channels that are not read.
@@ -100,8 +100,8 @@ impl FileTexels {
 }
 
 impl SkyPicture {
-    /// Reads a picture (Radiance HDR or OpenEXR), and adds its path to [`INPUTS`]. The text of an error continues a
-    /// sentence that begins with the file's name.
+    /// Reads a picture (Radiance HDR or OpenEXR), and adds its path to [`INPUTS`], the list of the files that were
+    /// read. The text of an error continues a sentence that begins with the file's name.
     pub(super) fn read(path: &Path) -> Result<FileTexels, String> {
         INPUTS.add(path);
         let bytes =
@@ -150,8 +150,8 @@ impl SkyPicture {
         Ok(FileTexels { remarks, unread, ..FileTexels::of([size.0, size.1], texels) })
     }
 
-    /// Returns a file's picture multiplied by `strength`. Returns an error if a product is more than `most`.
-    /// The text of the error continues a sentence that begins with the file's name.
+    /// Returns a file's picture multiplied by `strength`. Returns an error if a product is more than `most`, or not a
+    /// number (infinity times 0). The text of the error continues a sentence that begins with the file's name.
     pub(super) fn strengthened(file: &FileTexels, strength: f32, most: f32) -> Result<FileTexels, String> {
         let texels = if strength == 1.0 {
             Arc::clone(&file.texels)
@@ -172,8 +172,8 @@ impl SkyPicture {
     }
 
     /// Returns the direction of the picture's middle. If `turn_degrees` is 0, the direction is -z (or +y if
-    /// the z axis points up or down), made perpendicular to the zenith `up`. Otherwise, the direction of the
-    /// middle is also turned by `turn_degrees`, counter-clockwise as seen from the zenith.
+    /// the zenith `up` is close to +z or -z), made perpendicular to the zenith. Otherwise, the direction of
+    /// the middle is also turned by `turn_degrees`, counter-clockwise as seen from the zenith.
     pub fn middle(up: DVec3, turn_degrees: f64) -> Vec3 {
         let forward = if up.z.abs() > 0.9 { DVec3::Y } else { DVec3::NEG_Z };
         let level = (forward - up * forward.dot(up)).normalize_or_zero();
@@ -265,8 +265,8 @@ mod tests {
             std::fs::write(&path, [header.as_bytes(), &[128, 64, 32, 129]].concat()).unwrap();
         };
         write("0.5");
-        // A channel's value is the channel's byte divided by 256, times two to the power of the texel's last
-        // byte minus 128. The radiance is the channel's value divided by EXPOSURE.
+        // A channel's value is b / 256 * 2^(e - 128), where b is the channel's byte and e the texel's last
+        // byte. The radiance is the channel's value divided by EXPOSURE.
         assert_eq!(*SkyPicture::read(&path).unwrap().texels, [[2.0, 1.0, 0.5]]);
         write("-1");
         assert!(SkyPicture::read(&path).unwrap_err().starts_with("has the EXPOSURE -1 in its header"));

@@ -7,8 +7,9 @@ use super::{Camera, Light, Material, Mesh, Sky, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Factors by which the powers of the key light and of the fill light are multiplied. In the default
-/// surroundings, the lights are weaker than usual, because the sky provides the rest of the light.
+/// Factors by which the powers of the key light and of the fill light are multiplied. With the
+/// default surroundings, the lights are weaker than without them, because the sky provides the rest of the
+/// light.
 const STRENGTHS: [f32; 2] = [0.74, 0.3];
 /// Colour of the key light, which is slightly warmer than the sky.
 const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
@@ -28,7 +29,8 @@ const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
 /// The ground is a square that is surrounded by square rings. The elements are the distances from the
-/// ground's middle to the edges of the inner square and of each ring, in radii of the ball around the mesh.
+/// ground's middle to the sides of the inner square, and to the outer sides of each ring. The distances are in
+/// radii of the ball around the mesh.
 /// The last distance is so large that a usual view does not reach it. The triangles near the middle are
 /// small, because rounding errors of a ray-triangle test grow with the triangle's size. If the ground had
 /// only large triangles, shadow rays at a low angle would hit the ground from which they start.

@@ -89,8 +89,8 @@ impl Mapped {
 
     /// Returns a triangle's coordinates in a texture with the wrap modes `wrap`. If the texture is repeated
     /// or mirrored, the coordinates are shifted close to 0 before they are rounded to single precision,
-    /// because single precision is finest there. The coordinates are shifted by a whole number of repetitions
-    /// of the texture, so the triangle looks the same.
+    /// because single precision is finest there. The coordinates are shifted by a whole number of copies of
+    /// the texture (an even number if it is mirrored), so the triangle looks the same.
     pub fn new(corners: [[f64; 2]; 3], texture: Option<u32>, mask: Option<u32>, wrap: [Wrap; 2]) -> Self {
         // Coordinates near 0 are also rounded to single precision before they are shifted, so that they get
         // the same bits whether they were read in single or in double precision.
@@ -162,9 +162,9 @@ impl Textures {
         linear_values().len() + TEXTURE_HEAD_WORDS * self.list.len()
     }
 
-    /// Returns the number of the first texture before the texture `number` that has the same texels; `None`
-    /// if there is none. Two textures of one picture may differ in their wrap mode, or one may be a colour
-    /// and the other a mask.
+    /// Returns the number of the first texture whose texels in memory are those of the texture `number`;
+    /// `None` if this first texture is the texture `number` itself. Two textures of one picture may differ in
+    /// their wrap mode, or one may be a colour and the other a mask.
     pub(crate) fn same_as(&self, number: usize) -> Option<usize> {
         let texels = &self.list[number].texels;
         self.list[..number].iter().position(|other| Arc::ptr_eq(&other.texels, texels))

@@ -1,5 +1,5 @@
-//! Tone curves: they map each channel of exposed radiance, which has no upper limit, to the range from 0 to 1 that a
-//! display can show.
+//! Tone curves. A tone curve maps each channel of exposed radiance (radiance times the exposure), which has no upper
+//! limit, to the range from 0 to 1 that a display can show.
 
 use schemars::JsonSchema;
 
@@ -51,8 +51,8 @@ impl Tone {
 
     /// Returns the smallest exposed radiance that has the brightness `brightness`, a number from 0 to 1.
     pub fn inverse(self, brightness: f64) -> f64 {
-        // The positive root of (a - c y) x^2 + (b - d y) x - y = 0, in a form that needs no division by
-        // a - c y.
+        // The root of (a - c y) x^2 + (b - d y) x - y = 0 that is not negative, in a form that needs no
+        // division by a - c y.
         let ([a, b, c, d], y) = (self.coefficients(), brightness);
         let (square, linear) = (a - c * y, b - d * y);
         2.0 * y / (linear + (linear * linear + 4.0 * square * y).sqrt())

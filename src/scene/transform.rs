@@ -66,8 +66,7 @@ impl Transform {
         rotation * (position * self.scale.as_dvec3()) + self.translation
     }
 
-    /// Returns the bounds of a transformed box: the smallest and the largest corner of the box that encloses the
-    /// transformed box.
+    /// Returns the bounds of a transformed box: the least and the greatest value of each coordinate in this box.
     pub fn bounds(&self, (low, high): (DVec3, DVec3)) -> (DVec3, DVec3) {
         let rotation = self.rotation();
         let corner = |number: u8| {

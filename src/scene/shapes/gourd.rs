@@ -42,8 +42,9 @@ fn scattered(index: u32) -> f32 {
     ((bits ^ (bits >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Returns the gourd's radius and height at t. Radius and height are those of a unit sphere, but the radius
-/// is multiplied by a factor that gives the gourd a belly, a waist and a head.
+/// Returns the gourd's radius and height for a t from 0 (the lower pole) to 1 (the upper pole). Radius and
+/// height are those of a unit sphere, but the radius is multiplied by a factor that gives the gourd a belly, a
+/// waist and a head.
 fn profile(t: f64) -> (f64, f64) {
     let (sin, cos) = (PI * t).sin_cos();
     let bulge = |at: f64, width: f64| (-((t - at) / width).powi(2)).exp();

@@ -1,5 +1,5 @@
-//! A hall with two rows of columns. The front sides of the walls face inwards, so that the hall is lit as
-//! seen from inside.
+//! A hall with two rows of columns. The front sides of the walls face inwards, because the hall is lit and seen
+//! from inside.
 
 use super::grid::{grid, split};
 use crate::scene::Mesh;
@@ -10,7 +10,8 @@ const WIDTH: f64 = 4.0;
 const HEIGHT: f64 = 3.0;
 const LENGTH: f64 = 10.0;
 const MAX_COLUMNS: u32 = 12;
-/// The least number of triangles of a column. With fewer triangles, a column would not look round.
+/// The hall has only so many columns that at least this number of triangles is available for each column. With
+/// fewer triangles, a column would not look round.
 const MIN_COLUMN_TRIANGLES: f64 = 40.0;
 /// The fraction of the hall's triangles that the columns get. This fraction is large, because only the hall's
 /// columns are round.

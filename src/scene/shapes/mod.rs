@@ -100,7 +100,7 @@ impl Shape {
         }
     }
 
-    /// Sets the parameter with the name `parameter` in scene files.
+    /// Sets the parameter that scene files call `parameter`.
     ///
     /// # Errors
     ///
@@ -133,9 +133,9 @@ impl Shape {
     }
 }
 
-/// Generates a shape's mesh. The mesh depends only on the shape. On machines whose sine, cosine or exponential function
-/// rounds differently, positions and normals may differ in their last digits. The time for generating the mesh is about
-/// proportional to the number of triangles.
+/// Generates a shape's mesh. The mesh is the same on every machine, except that positions and normals may differ in
+/// their last digits if the machines' sine, cosine or exponential functions round differently. The time for generating
+/// the mesh is about proportional to the number of triangles.
 pub fn generate(shape: &Shape) -> Mesh {
     match *shape {
         Shape::Ground => paper::ground(),

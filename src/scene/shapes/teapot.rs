@@ -17,9 +17,9 @@ struct Data {
 /// A patch's 4 x 4 control points.
 type Patch = [[DVec3; 4]; 4];
 
-/// Returns the teapot with 32 x 2 x `columns` x `rows` triangles. At the middle of the lid and of the base,
-/// an edge of each patch is a single point, so triangles at these edges have no area. The triangles without
-/// area are part of the mesh, since the paper counts them.
+/// Returns the teapot with 32 x 2 x `columns` x `rows` triangles. Four patches meet at the middle of the lid,
+/// and four at the middle of the base. One edge of each of these patches is a single point, so the triangles at
+/// this edge have no area. The triangles without area are part of the mesh, since the paper counts them.
 pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for patch in patches() {

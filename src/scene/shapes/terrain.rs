@@ -5,7 +5,7 @@ use crate::scene::Mesh;
 use glam::DVec3;
 
 const OCTAVES: u32 = 7;
-/// Number of hills across the terrain in the first octave (the coarsest layer of noise).
+/// Number of lattice cells across the terrain in the first octave (the coarsest layer of noise).
 const FIRST_FREQUENCY: f64 = 3.5;
 const HEIGHT: f64 = 0.6;
 
@@ -20,8 +20,8 @@ pub(super) fn terrain(triangles: u32, seed: u32) -> Mesh {
     })
 }
 
-/// Returns the height and its slopes along x and z. In each octave, the hills are half as wide and two fifths
-/// as high as in the previous octave.
+/// Returns the height and its slopes along x and z. In each octave after the first, the hills are half as
+/// wide and two fifths as high as in the previous octave.
 fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     let (mut frequency, mut amplitude) = (FIRST_FREQUENCY / 2.0, HEIGHT / 2.0);
     let mut sum = (0.0, 0.0, 0.0);
@@ -55,8 +55,8 @@ fn fade(t: f64) -> (f64, f64) {
     (value, 30.0 * t * t * (t - 1.0) * (t - 1.0))
 }
 
-/// Returns a pseudo-random number from 0 to 1 for a lattice point (the finaliser of MurmurHash3
-/// over its coordinates).
+/// Returns a pseudo-random number from 0 to 1 for a lattice point and a seed. The function mixes the
+/// coordinates and the seed by the finaliser of MurmurHash3.
 fn hash(x: i32, z: i32, seed: u32) -> f64 {
     let mut h = (x as u32).wrapping_mul(0x8da6_b343) ^ (z as u32).wrapping_mul(0xd816_3841) ^ seed;
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
