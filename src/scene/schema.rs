@@ -1,5 +1,5 @@
-//! JSON schemas of numbers in ranges, vectors and colours. `wire` implements `Deserialize` for these types by
-//! hand, so their schemas cannot be derived.
+//! JSON schemas of numbers in ranges, vectors, the background and the names of shapes. These schemas are
+//! written by hand, because derived schemas would not state which values raycl allows.
 
 use super::shapes::Shape;
 use super::wire::{BackgroundWire, Number, Position, Power, Range, Triple, Vector};

@@ -47,9 +47,10 @@ pub(super) fn error_in(origin: &str, message: impl std::fmt::Display) -> Error {
 pub(super) struct TrackValue {
     /// The value's dotted path in the scene file: `light.0.power`.
     pub path: String,
-    /// The dotted path of the keyframe's value from which the track's value is computed:
-    /// `animation.track.0.values.2`. The line of the keyframe's value is not stored: few frames need this
-    /// line for a message, and the file must be parsed to find the line.
+    /// The dotted path of the track's value at a keyframe, for messages: `animation.track.0.values.2`. The
+    /// keyframe is the last one at or before the frame (the first one if all are after the frame). The line
+    /// of this value is not stored: few frames need this line for a message, and the file must be parsed to
+    /// find the line.
     pub keyframe: String,
     /// The track and the frame, for messages.
     pub name: String,
@@ -71,12 +72,12 @@ impl<'a> Change<'a> {
 
 /// The origin of a part of a document.
 pub(super) enum Origin<'a> {
-    /// The whole part of the document comes from one setting, or from one track of an animation. The string
-    /// is the name of the setting or the track in messages.
+    /// The part comes from a setting, or from a track of an animation. If several settings or tracks made
+    /// the part, the last one counts. The string is the name of the setting or the track in messages.
     Setting(Cow<'a, str>),
     /// The part comes from this range of the file's text.
     File(Range<usize>),
-    /// The origin of the part is unknown, for example because a key is missing.
+    /// The origin of the part is unknown, for example if the mistake is a missing key.
     Unknown,
 }
 
@@ -149,9 +150,9 @@ impl Changed {
 
     /// Returns a sentence that names the values that were set; `None` if there is none to name. The sentence
     /// is for the help in an error about a mistake that lies in none of the values that were set. `text` is
-    /// the document after all values were set. The sentence names all values that settings set. If `near` is
-    /// `None`, the sentence also names all tracks. If `near` is a range of `text`, the sentence names only
-    /// those tracks that set a value in the same part of the scene.
+    /// the document after all values were set. The sentence names all settings. If `near` is `None`, the
+    /// sentence also names all tracks. If `near` is a range of `text`, the sentence also names the tracks
+    /// that set a value in the part of the scene in which this range lies.
     pub fn summary(&self, text: &str, near: Option<&Range<usize>>) -> Option<String> {
         let part = near.map(|span| part_of(text, span));
         let is_in_part = |part: &Vec<String>, track: &TrackValue| {

@@ -32,9 +32,10 @@ const SQUARED_NORMALS: Range<f32> = 1e-13..1e13;
 const RELATIVE_RESOLUTION: f32 = 1e-7;
 
 impl Scene {
-    /// Checks everything that later code relies on: numbers are finite and in their ranges, indices are in
-    /// bounds, and the camera has a direction. Scenes from [`super::load_scene`] are already checked; a scene
-    /// made in code should be checked once.
+    /// Checks the values that a scene file can set: numbers are finite and in their ranges, indices are in
+    /// bounds, and the camera has a direction. The texels of a sky's picture are not checked here, but when
+    /// the picture is read. Scenes from [`super::load_scene`] are already checked; a scene made in code should
+    /// be checked once.
     ///
     /// # Errors
     ///
@@ -47,7 +48,8 @@ impl Scene {
         self.lights.iter().try_for_each(|light| brightness.check(light))
     }
 
-    /// Checks everything except the mesh and the brightness of lights, whose limit depends on the mesh.
+    /// Checks the same as [`Self::validate`], except the mesh and the brightness of lights, whose limit
+    /// depends on the mesh.
     pub(super) fn validate_view(&self) -> Result<()> {
         let background = self.background;
         let valid = background.is_finite() && background.min_element() >= 0.0;
@@ -184,7 +186,7 @@ impl Brightness {
         require(product <= MAX_PRODUCT || nearest == 0.0, || {
             let Self { reflectance, .. } = self;
             format!(
-                "a light with the power {} may be only {nearest:e} away from a surface, and surfaces have a \
+                "a light with the power {} could be as near as {nearest:e} to a surface, and surfaces have a \
                  reflectance of up to {reflectance:e}; if all lights of the scene were like this one, the computation of a \
                  pixel could contain the number {product:e}; expected at most {MAX_PRODUCT:e}, so that every number fits into single precision; \
                  reduce the power or move the light away",
@@ -205,8 +207,8 @@ fn check_material(material: &Material) -> Result<()> {
     let most = MAX_REFLECTANCE.max(MAX_SHININESS);
     require(numbers.iter().all(|value| (0.0..=most).contains(value)), || {
         format!(
-            "a material has the values {numbers:?} (three of k_L, three of k_G, shininess, kind); expected values from \
-             0 to {most:e}"
+            "a material has the values {numbers:?} (three of k_L, three of k_G, shininess, and 1 with a highlight, \
+             else 0); expected values from 0 to {most:e}"
         )
     })?;
     let emitted = material.emitted;
@@ -475,10 +477,11 @@ mod tests {
         assert!(brightness(bright, 1).check(&light(1e35, 0.0)).is_err());
         assert!(brightness(bright, 1).check(&light(1e34, 0.0)).is_ok());
         assert!(brightness(bright, 10).check(&light(1e34, 0.0)).is_err());
-        // A light with a radius of 9 reaches up to 1 unit above the box. At a distance of 1 unit, a hundred
+        // A light with a radius of 9 reaches down to 1 unit above the box. At a distance of 1 unit, a hundred
         // times as much light arrives as at 10 units.
         assert!(brightness(bright, 1).check(&light(1e34, 9.0)).is_err());
-        // An area light with edges of 13 has a half diagonal of 9.2, so it may reach as far as this ball.
+        // Half the diagonal of an area light with edges of 13 is 9.2, so this light may reach as far as the
+        // light with a radius of 9.
         // Straight in front of an area light, even of a small one, four times as much light arrives as from a
         // point light.
         let area = |edge: f32| {
