@@ -149,8 +149,8 @@ impl Changed {
     }
 
     /// Returns a sentence that names the values that were set; `None` if there is none to name. The sentence
-    /// is for the help in an error about a mistake that lies in none of the values that were set. `text` is
-    /// the document after all values were set. The sentence names all settings. If `near` is `None`, the
+    /// is for the help in an error about a mistake that was not found in one of these values. `text` is the
+    /// document after all values were set. The sentence names all settings. If `near` is `None`, the
     /// sentence also names all tracks. If `near` is a range of `text`, the sentence also names the tracks
     /// that set a value in the part of the scene in which this range lies.
     pub fn summary(&self, text: &str, near: Option<&Range<usize>>) -> Option<String> {

@@ -84,8 +84,8 @@ pub(super) struct FileTexels {
 
 impl FileTexels {
     /// Replaces values that are negative or not a number by 0, since no light is negative. Single texels of stitched
-    /// and baked pictures can have values that are negative or not a number. Counts the texels with a value that is not
-    /// a number or clearly negative ([`CLEARLY`]).
+    /// and baked pictures can have values that are negative or not a number. Counts the texels with a value that is
+    /// clearly negative ([`CLEARLY`]) or not a number.
     fn of(size: [u32; 2], mut texels: Vec<[f32; 3]>) -> Self {
         let values = texels.as_flattened();
         let sum: f64 = values.iter().map(|value| f64::from(value.max(0.0))).sum();
@@ -109,8 +109,8 @@ impl SkyPicture {
         Self::decoded(&with_usual_signature(bytes), &Available::read())
     }
 
-    /// Decodes a picture. Returns an error if `bytes` is not a valid picture in one of the two formats, if the picture
-    /// is too large, or if the available memory is not enough.
+    /// Decodes a picture. Returns an error if `bytes` is not a valid Radiance HDR or OpenEXR, if the picture is too
+    /// large, or if the available memory is not enough.
     fn decoded(bytes: &[u8], available: &Available) -> Result<FileTexels, String> {
         let format = image::guess_format(bytes).ok();
         let Some(format @ (ImageFormat::Hdr | ImageFormat::OpenExr)) = format else {

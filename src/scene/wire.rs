@@ -108,7 +108,7 @@ pub(super) struct ObjectWire {
     /// The name of a shape that raycl generates.
     #[schemars(with = "Option<ShapeName>")]
     pub shape: Option<Spanned<String>>,
-    /// With a shape: the target number of triangles.
+    /// With a shape other than `ground` and `pyramid`: the target number of triangles.
     #[schemars(with = "Option<u32>", range(min = 1, max = MAX_TRIANGLES))]
     pub triangles: Option<Spanned<Whole<1, MAX_TRIANGLES>>>,
     /// With the shape `teapot`: the number of quads along a side of each of the teapot's 32 patches.
