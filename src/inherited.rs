@@ -1,11 +1,12 @@
 //! What a process inherits from the process that started it: ignored signals, the mode of its standard
-//! streams, and open files. raycl repairs inherited settings that would disturb its own work. A child process
-//! that outlives a command closes inherited files, so that they do not stay in use.
+//! streams, and open files. raycl repairs inherited settings that would disturb its own work. If a child
+//! process of raycl outlives the command, the child process closes the files that it inherited; otherwise
+//! these files would stay in use.
 
 /// Makes raycl independent of two settings that it inherits: an ignored SIGCHLD, and non-blocking standard
-/// streams. If the process that started raycl ignores SIGCHLD, raycl could not wait for its own child
-/// processes. If a standard stream is non-blocking, raycl could not wait until the stream has data or space.
-/// This function must be called before the process starts another process.
+/// streams. With an ignored SIGCHLD, raycl could not wait for its own child processes. With a non-blocking
+/// standard stream, raycl could not wait until the stream has data or space. This function must be called
+/// before the process starts another process.
 #[cfg(unix)]
 pub fn repair() {
     heed_child_processes();
@@ -16,14 +17,15 @@ pub fn repair() {
 #[cfg(not(unix))]
 pub fn repair() {}
 
-/// Installs a handler for SIGCHLD if this process ignores the signal: the system discards the exit status of a child
-/// process if its parent ignores SIGCHLD. Processes that this process starts have no handler, and do not ignore the
-/// signal.
+/// Installs a handler for SIGCHLD if this process ignores the signal, or if the system does not say whether
+/// it does. If a process ignored SIGCHLD, the system would discard the exit statuses of its child processes.
+/// Processes that this process starts have no handler, and do not ignore the signal.
 #[cfg(unix)]
 fn heed_child_processes() {
     use signal_hook::consts::SIGCHLD;
     use std::sync::{Arc, atomic::AtomicBool};
-    // A handler interrupts system calls of drivers, so it is installed only if it is needed.
+    // A handler may interrupt system calls of drivers, so it is installed only if this process may ignore
+    // SIGCHLD.
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     if may_ignore(SIGCHLD, &status) {
         // If the handler cannot be installed, raycl reports later that it cannot wait for a child process.
@@ -31,9 +33,8 @@ fn heed_child_processes() {
     }
 }
 
-/// Reads in a process's status (the text of /proc/self/status) whether the process may ignore the signal with
-/// the number `signal`. Returns true if the process ignores the signal, or if the text does not say whether
-/// it does.
+/// Returns true if a process ignores the signal with the number `signal`, or if `status` does not say whether
+/// it does. `status` is the text of the process's file /proc/self/status.
 #[cfg(unix)]
 fn may_ignore(signal: i32, status: &str) -> bool {
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -73,7 +74,8 @@ pub(crate) fn leave_files() {
     // The list also contains the descriptor of the listing itself, which is closed by now.
     let is_open = |number: &i32| std::fs::symlink_metadata(format!("/proc/self/fd/{number}")).is_ok();
     for number in numbers.into_iter().filter(|number| *number > 2 && is_open(number)) {
-        // SAFETY: no object of this process owns a descriptor, except for the standard streams, as the caller ensures.
+        // SAFETY: the caller ensures that no object of this process owns any descriptor other than those of
+        // the standard streams.
         unsafe { rustix::io::close(number) };
     }
     // If `/dev/null` cannot be opened, the reader of standard output waits until this process ends.

@@ -9,7 +9,7 @@
 //! |---|---|
 //! | [`load_scene`] | reads a scene or a mesh, and returns it as [`Loaded`], which contains a [`Scene`] |
 //! | [`Raycaster`] | casts a [`Picture`] of a scene on a device; the picture contains [`Radiance`] |
-//! | [`hits`] | finds the hit of each pixel's ray, and returns [`Layers`], in which [`NOTHING`] stands for no hit |
+//! | [`hits`] | finds the hit of each pixel's ray, and returns [`Layers`]; without a hit, the numbers of the triangle and the object are [`NOTHING`] |
 //! | [`run_experiment`], [`serve_if_worker`] | measure the points of a config; the result is one [`Record`] per point, with an [`Outcome`] |
 //! | [`Error`], [`InputError`], [`Result`] | what a function returns if it fails |
 //!
@@ -18,8 +18,8 @@
 //!
 //! The text of an [`Error`] (`Display`) is its message alone. [`Error::in_a_line`] returns the message with
 //! the file and the line of a mistake, and [`Error::remedy`] a next step for the user. The crate `miette`,
-//! with its feature `fancy`, prints the message, the location and the remedy together with the lines of the
-//! file, as the programs in `examples/` do.
+//! with its feature `fancy` or `fancy-no-backtrace`, prints the message, the location and the remedy together
+//! with the lines of the file, as the programs in `examples/` do.
 //!
 //! ```no_run
 //! # fn main() -> raycl::Result<()> {
@@ -39,19 +39,20 @@
 //! The following sentences, up to `measure`, name the modules in the order in which an experiment uses them.
 //! [`config`] reads a TOML experiment. [`scene`] loads the scenes that the experiment names. [`experiment`]
 //! plans the points of the experiment; each point is a [`strategy`] on a [`device`] at a local size.
-//! [`program`] assembles the source of kernels from the files of `cl/` in `sources`, according to the table
-//! of kernels in `manifest`, and builds the kernels. [`launch`] runs the kernels. [`verify`] compares the
-//! kernels' image with the [`reference`](mod@reference). [`experiment`] also times the kernels, together with
-//! the `anchor`, and `measure` computes statistics of these times.
+//! [`program`] assembles the source of kernels from the files of `cl/` (which `sources` provides), according
+//! to the table of kernels in `manifest`, and builds the kernels. [`launch`] runs the kernels. [`verify`]
+//! compares the kernels' image with the [`reference`](mod@reference). [`experiment`] also times the kernels,
+//! together with the `anchor`, and `measure` computes statistics of these times.
 //!
 //! [`printer`] replaces control characters in text that is printed to terminals. `reader` opens the files
 //! that users name, `existing` finds out whether files exist, and `filetype` recognises their formats.
 //! `memory` measures the host's free memory, and `load` measures the processor time that other processes
 //! take. [`record`] stores the results. [`image`] turns radiance into pictures. `output` writes files for the
-//! user; without `--force`, it replaces no file that raycl did not make. [`shard`] splits an experiment among
-//! machines and merges their results. [`cli`] holds one file per subcommand; [`documents`] computes the
-//! numbers in this repository's documents from stored records. `cache` stores data that raycl can recompute,
-//! so that later runs need not compute it again. `threads` starts the threads of parallel iterators.
+//! user. A file that raycl did not make, or that somebody has changed, is replaced only with `--force`.
+//! (Folders of results have rules of their own.) [`shard`] splits an experiment among machines and merges
+//! their results. [`cli`] has a file for each subcommand; [`documents`] computes numbers in this repository's
+//! documents from stored records. `cache` stores data that raycl can recompute, so that later runs need not
+//! compute it again. `threads` starts the threads of parallel iterators.
 
 mod accel;
 mod anchor;

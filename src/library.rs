@@ -28,7 +28,7 @@ const MAX_SIDE: u32 = 65_536;
 /// bytes) that are made from the counts and the hit.
 const LAYERS_BYTES: u64 = (size_of::<Cost>() + size_of::<Option<PixelHit>>() + 11 * 4) as u64;
 /// The note that is added to the remedies of errors that name options of the command `raycl`.
-const OPTIONS: &str = "(options such as --device are those of the command `raycl`; in a program, the arguments of raycl's functions stand for them)";
+const OPTIONS: &str = "(options such as --device belong to the command `raycl`; a program passes arguments to raycl's functions instead)";
 
 /// True if this process has called [`serve_if_worker`].
 static SERVES: AtomicBool = AtomicBool::new(false);
@@ -56,27 +56,28 @@ pub struct Picture {
 impl Raycaster {
     /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, a kind of
     /// device (`cpu`, `gpu` or `accelerator`), or the label that `raycl devices` shows for one of several
-    /// devices with the same name. The first device that matches is used. If `device` is `None`, the device
-    /// that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU is used
-    /// if there is one, else a CPU, else an accelerator. Of several GPUs, those with memory of their own are
-    /// preferred and, among these, those with a vendor's driver. Of devices that are equal in kind, memory
-    /// and driver, the device with the most compute units is used.
+    /// devices with the same name. The first usable device that matches is used. If `device` is `None`, the
+    /// device that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU
+    /// is used if a GPU is usable, else a CPU, else an accelerator. Of several GPUs, those with memory of
+    /// their own are preferred and, among these, those with a vendor's driver. Of devices that are equal in
+    /// kind, memory and driver, the device with the most compute units is used.
     ///
     /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). If a program calls
-    /// [`serve_if_worker`] before `open`, these threads are limited to the processors on which the program
-    /// may run, as those of `raycl render` are.
+    /// [`serve_if_worker`] before `open`, PoCL starts no more threads than the program may run at the same
+    /// time, unless the user's environment variables say otherwise. The same holds for `raycl render`.
     ///
     /// The crate `ocl` panics at some failures of a driver. `open` and [`Self::cast`] turn these panics of
     /// `ocl` into errors. To turn panics into errors, the first call of `open` sets a panic hook, which hides
-    /// panics of `ocl`; all other panics reach the hook that was set before. A program that sets a panic hook
-    /// of its own should set the hook before the first call of `open`.
+    /// the panics that become errors; all other panics reach the hook that was set before. A program that
+    /// sets a panic hook of its own should set the hook before the first call of `open`.
     ///
     /// # Errors
     ///
-    /// Fails if the scene has a mistake: no triangle, an index out of bounds, or a number that is not finite
-    /// or not in its range. (Scenes from [`load_scene`](crate::load_scene) have no such mistake unless the
-    /// program changed them.) Also fails if one of raycl's environment variables (such as `RAYCL_CACHE_MIB`)
-    /// has a value that cannot be used, if no device matches, if no device is usable, or if the driver fails.
+    /// Fails if the scene has a mistake, such as no triangle, an index out of bounds, or a number that is not
+    /// finite or not in its range. (Scenes from [`load_scene`](crate::load_scene) have no such mistake unless
+    /// the program changed them.) Also fails if one of raycl's environment variables (such as
+    /// `RAYCL_CACHE_MIB`) has a value that cannot be used, if no device matches, if no device is usable, or
+    /// if the driver fails.
     pub fn open(scene: Scene, device: Option<&str>) -> Result<Self> {
         check_scene(&scene)?;
         check_variables()?;
@@ -103,14 +104,15 @@ impl Raycaster {
     /// # Errors
     ///
     /// Fails if the width or the height is not from 1 to 65,536, if the strategy has an unknown name or
-    /// value, if the strategy's values contradict each other, if casting needs more memory than the device or
-    /// the host has, or if the driver fails. After a failed launch, the `Raycaster` casts no more pictures: open
-    /// another `Raycaster`. The scene and the device memory of the old one are not freed, since freeing could fail too.
+    /// value, if the strategy's values contradict each other, if the strategy does not support the device or
+    /// the scene, if casting needs more memory than the device or the host has, or if the driver fails. After
+    /// a failed launch, the `Raycaster` casts no more pictures: open another `Raycaster`. The scene and the
+    /// device memory of the old one are not freed, since freeing could fail too.
     ///
     /// One kind of failure still ends the process: if a driver refuses to free several objects, the crate
     /// `ocl` panics while it handles a panic, and Rust aborts the process. After a failed launch, raycl frees
-    /// few objects, so an abort is unlikely. Nothing prevents an abort after a failure while raycl opens a
-    /// device or prepares a picture, or when a `Raycaster` is dropped. A panic of `ocl` while a `Raycaster`
+    /// few objects, so an abort is unlikely. But raycl cannot prevent an abort if the driver fails while
+    /// raycl opens a device, prepares a picture or drops a `Raycaster`. A panic of `ocl` while a `Raycaster`
     /// is dropped is not turned into an error.
     pub fn cast(&mut self, strategy: Option<&str>, size: [u32; 2]) -> Result<Picture> {
         check_size(size)?;
@@ -259,15 +261,16 @@ impl Picture {
     }
 }
 
-/// Returns what the ray of each pixel hits: depth, normal, triangle and object. The rays are cast on the host
-/// in double precision, without a device. [`Raycaster::open`] takes the scene out of `loaded`, so call `hits`
+/// Returns layers that describe each pixel: what its ray hits (depth, normal, base colour, triangle and
+/// object), and how many triangle tests and nodes its rays need in a tree. The rays are cast on the host in
+/// double precision, without a device. [`Raycaster::open`] takes the scene out of `loaded`, so call `hits`
 /// before `open`, or clone the scene.
 ///
 /// # Errors
 ///
-/// Fails if the scene has a mistake ([`Raycaster::open`] lists them), or more triangles than a tree can index
-/// (33,554,432). Also fails if the width or the height is not from 1 to 65,536, or if the layers do not fit into
-/// memory.
+/// Fails if the scene has a mistake (see [`Raycaster::open`]), or more triangles than a tree can index
+/// (33,554,432). Also fails if the width or the height is not from 1 to 65,536, or if the layers do not fit
+/// into memory.
 pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
     check_size(size)?;
     check_scene(&loaded.scene)?;
@@ -286,26 +289,26 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
 /// including the report. With `resume`, continues an interrupted run. Worker processes measure the
 /// experiment's points. Each worker process is the calling program, started again; therefore the program's
 /// `main` must begin with [`serve_if_worker`]. raycl sets the environment variable `RAYCL_WORKER` for its
-/// workers. In a process with the variable `RAYCL_WORKER`, `run_experiment` fails. Otherwise, a program that
-/// does not call `serve_if_worker` would start itself again and again. `run_experiment` also fails in a
-/// program that has not called `serve_if_worker`, since the workers of such a program could not measure
-/// points.
+/// workers. In a process with the variable `RAYCL_WORKER`, `run_experiment` fails, so that a worker process
+/// never starts workers of its own. `run_experiment` also fails in a program that has not called
+/// `serve_if_worker`, since the workers of such a program could not measure points.
 ///
-/// The function prints nothing, not even the notes that `raycl run` prints on damaged lines of a journal or on devices
-/// without locks. If another process measures on a device, the function waits until that process ends.
+/// The function prints nothing, not even the notes that `raycl run` prints on damaged lines of a journal or
+/// on devices without locks. If another process measures on one of the experiment's devices, the function
+/// waits until this device is free.
 ///
-/// From the first call of this function on, Ctrl-C (SIGINT) and SIGTERM interrupt the run instead of ending
-/// the process; a second signal ends the process. A signal between two calls of this function interrupts the
-/// second call.
+/// As soon as the first call of this function has read its config and checked its folder, Ctrl-C (SIGINT) and
+/// SIGTERM no longer end the process: they interrupt the run. A second signal, at least 0.3 seconds after the
+/// first, ends the process. A signal between two calls of this function interrupts the second call.
 ///
 /// # Errors
 ///
-/// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that
-/// are not results, or if one of raycl's environment variables (such as `RAYCL_LOCK_DIR`) has a value that
-/// cannot be used. Also fails if `out` is empty, if one of the two paths is not UTF-8, if a file cannot be
-/// written, if the run is interrupted, if the calling process is a worker, or if the calling process has not
-/// called `serve_if_worker`. A failure of a single point of the experiment is not an error: the point's
-/// record states the reason.
+/// Fails if the config has a mistake ([`Error::in_a_line`] returns the message with the file and the line),
+/// if the folder `out` contains files that are not results, or if one of raycl's environment variables (such
+/// as `RAYCL_LOCK_DIR`) has a value that cannot be used. Also fails if the path `out` is an empty text, if
+/// one of the two paths is not UTF-8, if a file cannot be written, if the run is interrupted, if the calling
+/// process is a worker, or if the calling process has not called `serve_if_worker`. A failure of a single
+/// point of the experiment is not an error: the point's record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     if is_worker() {
         return Err(Error::input(
@@ -337,8 +340,8 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
     measured.map_err(for_programs)
 }
 
-/// Returns an error if raycl cannot write results into the folder `out`, or cannot pass the paths to workers, which
-/// receive them as JSON.
+/// Returns an error if the path `out` is an empty text, or if one of the two paths is not UTF-8: workers
+/// receive the paths as JSON, which is UTF-8.
 fn check_paths(config: &Path, out: &Path) -> Result<()> {
     if out.as_os_str().is_empty() {
         return Err(Error::input("the path of the folder of results is empty")
@@ -354,9 +357,10 @@ fn check_paths(config: &Path, out: &Path) -> Result<()> {
 /// If raycl started this process as a worker, does the worker's task and then ends the process. The task is
 /// to measure points, to list devices, or to compile a program. raycl starts a worker with the argument
 /// `worker` and the environment variable `RAYCL_WORKER`. In other processes, sets the environment variables
-/// that `raycl run` sets for drivers: they limit and pin the threads of PoCL (an OpenCL driver for CPUs), and
-/// name a folder into which PoCL can write. Call this function first in the `main` of a program that runs
-/// experiments, before the program starts a thread.
+/// that `raycl run` sets for drivers. These variables limit the number of threads of PoCL (an OpenCL driver
+/// for CPUs), and pin these threads where possible. If PoCL cannot use its default folder for compiled
+/// kernels, another variable names a folder that PoCL can use. Call this function first in the `main` of a
+/// program that runs experiments, before the program starts a thread.
 pub fn serve_if_worker() {
     SERVES.store(true, Ordering::Relaxed);
     if !is_worker() || std::env::args_os().nth(1).is_none_or(|word| word != "worker") {
@@ -479,7 +483,8 @@ mod tests {
         assert!(message.contains("(88 B x 65536 x 65536 pixels = 377957122048 B)"), "{message}");
     }
 
-    /// The pattern names every field of `Layers`, so a new layer does not compile until it is counted here.
+    /// The pattern names every field of `Layers`. If a layer is added, this test therefore does not compile
+    /// until the test counts this layer.
     #[test]
     fn every_layer_counts_as_memory() {
         let Layers { size, depth, normal, albedo, triangle, object, tests, nodes } =

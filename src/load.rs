@@ -31,7 +31,8 @@ struct Ticks {
 pub struct Load {
     /// Length of the interval in milliseconds.
     pub ms: f64,
-    /// Mean number of processors that other processes kept busy: 1.5 means one and a half processors.
+    /// Mean number of processors that other processes, and interrupts, kept busy: 1.5 means one and a half
+    /// processors.
     pub others: f64,
     /// Mean number of processors that other virtual machines on the same hardware took from this virtual
     /// machine.
@@ -94,9 +95,9 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     })
 }
 
-/// Returns the time in nanoseconds in which a cache line moves from one processor to another; `None` if this time
-/// cannot be measured. A reading usually takes less than half a millisecond, and at most 5 ms if other programs keep
-/// the processors busy.
+/// Returns the time in nanoseconds in which a cache line moves from one processor to another; `None` if this
+/// time cannot be measured. This measurement usually takes less than half a millisecond. If other programs
+/// keep the processors busy, it ends without a result after about 5 ms.
 #[cfg(target_os = "linux")]
 pub fn core_to_core_ns() -> Option<f64> {
     core_to_core::core_to_core_ns()

@@ -1,4 +1,5 @@
-//! Parses arguments, calls one function of [`raycl::cli`], and maps its error to an exit code.
+//! Parses the arguments and runs the subcommand. An error of either step is printed, and determines the exit
+//! code.
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
@@ -20,9 +21,9 @@ fn main() -> ExitCode {
     }
 }
 
-/// Sets how errors are printed: coloured as the user chose, and wrapped only on a terminal. In a log, a
-/// message stays on one line, so that a search finds it. The user's choice of colours is known only after
-/// this function has returned, so the choice is looked up for each message.
+/// Sets how errors are printed: coloured as the user chose, and wrapped only on a terminal. In a log, long
+/// lines are not broken, so that a search for the words of a message finds them. The user's choice of colours
+/// is known only after this function has returned, so the choice is looked up for each message.
 fn choose_look() {
     let look = || {
         let look = MietteHandlerOpts::new().wrap_lines(std::io::stderr().is_terminal());

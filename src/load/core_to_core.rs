@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 /// The number of round trips in one timed piece of the measurement. A timed piece of the measurement takes
 /// tens of microseconds, so few pieces are interrupted.
 const ROUND_TRIPS: u32 = 100;
-/// The number of timed pieces; the time of the fastest piece is the result.
+/// The number of timed pieces; the result is computed from the time of the fastest piece.
 const PIECES: u32 = 5;
 /// If the measurement takes longer than `PATIENCE`, the processors are assumed to be busy with other
 /// programs, and the measurement has no result.

@@ -1,10 +1,12 @@
 //! The number of samples that a verdict needs.
 
-/// The smallest number of samples of a point per launch of the worker processes. With fewer than
-/// `MIN_SAMPLES` samples per launch, raycl computes no interval and no verdict. The widest interval that
-/// samples can give for the median reaches from the least sample to the greatest. With four samples, even the
-/// interval from the least to the greatest sample misses the true median in an eighth of all cases (2 x
-/// 0.5^4). With five samples, this widest interval misses the true median in a sixteenth of all cases.
+/// The smallest number of samples of a point per launch of the worker processes. If a point has fewer than
+/// `MIN_SAMPLES` samples in one of the launches, raycl computes no interval for this point, and does not
+/// compare its times. (Launches in which no point has enough samples, for example because they were
+/// interrupted, are ignored.) The widest interval that samples can give for the median reaches from the least
+/// sample to the greatest. With four samples, even the interval from the least to the greatest sample misses
+/// the true median in an eighth of all cases (2 x 0.5^4). With five samples, this widest interval misses the
+/// true median in a sixteenth of all cases.
 pub const MIN_SAMPLES: usize = 5;
 
 /// Says why a point has no interval although it has enough samples: some of its times are 0.

@@ -4,14 +4,14 @@ use super::MIN_SAMPLES;
 use super::summary::quantile;
 use std::collections::BTreeMap;
 
-/// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds
-/// [`DIP_LIMIT`] - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform distribution has
-/// the largest dips (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a
-/// simulation, sets of 10 to 200 times were drawn from the uniform distribution. The dips of 99.9% of these
-/// sets stayed below the threshold. Therefore, if the times of a point have one mode (they cluster around one
-/// value), their dip exceeds the threshold with a probability of at most about 1 in 1000. In practice the
-/// probability of such a dip is lower, since distributions of times have tails, unlike the uniform
-/// distribution.
+/// The [`dip`] of n times is too large for times with one mode if the dip, multiplied by sqrt(n), exceeds the
+/// threshold [`DIP_LIMIT`] - [`DIP_DECREASE`] / sqrt(n). Among distributions with one mode, the uniform
+/// distribution has the largest dips (Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of
+/// Statistics 13, 1985). In a simulation, sets of 10 to 200 random numbers were drawn from the uniform
+/// distribution. For 99.9% of these sets, the dip (multiplied by sqrt(n)) stayed below the threshold.
+/// Therefore, if the times of a point have one mode (they cluster around one value), their dip exceeds the
+/// threshold with a probability of at most about 1 in 1000. In practice the probability of such a dip is
+/// lower, since distributions of times have tails, unlike the uniform distribution.
 const DIP_LIMIT: f64 = 0.8;
 const DIP_DECREASE: f64 = 0.75;
 /// [`Modes::of`] returns `None` for fewer than `FEWEST` times.
@@ -323,7 +323,8 @@ mod tests {
         let mut mixed = one.clone();
         mixed.swap(2, 17);
         assert_eq!(Modes::of(&mixed, &launches), None);
-        // The samples of a launch that was interrupted show no mode.
+        // If a launch was interrupted and has too few samples, the launches are not compared, so no modes are
+        // found.
         let few: Vec<u32> = (0..20).map(|index| index / 5 + u32::from(index == 19)).collect();
         assert_eq!(Modes::of(&one, &few), None);
     }

@@ -5,8 +5,8 @@ use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
 
 /// Returns the shuffled order in which `n` points are sampled in a round. The order depends only on `n`, the
-/// round and the seed. The order differs from round to round, so that the drift of the machine affects all
-/// points alike, and does not look like a difference between points.
+/// round and the seed. The points are shuffled anew for each round, so that the drift of the machine affects
+/// all points alike, and does not look like a difference between points.
 pub fn round_order(n: usize, round: u64, seed: u64) -> Vec<usize> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(round);

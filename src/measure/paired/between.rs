@@ -4,8 +4,9 @@ use super::error::Error;
 
 /// The variation of times from run to run, in addition to their variation between the launches of one run.
 /// The launches of a run are minutes apart at most, but a machine may be slower for hours, for example
-/// because of other virtual machines on the same host. The errors and variances of this type are those of
-/// logarithms: of the logarithm of a time or, where a function says so, of a ratio of times.
+/// because of other virtual machines on the same host. All errors and variances that the functions of this
+/// type compute are those of logarithms: of the logarithm of a time or, where a function says so, of the
+/// logarithm of a ratio of times.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BetweenRuns {
     /// From run to run, the times of all points on one kind of device are multiplied by a common factor. The
@@ -51,10 +52,11 @@ impl BetweenRuns {
         known(self.own_variance(points))
     }
 
-    /// All ratios with the same reference time share this time's error. Returns the part of this error's
-    /// variance that comes from the differences between runs. The reference time is the mean time of `points`
-    /// points. The returned variance comes from the own factor (`own`) of each of the `points` points and, if
-    /// `reference` is another kind of device, from the common factors (`shared`) of both kinds.
+    /// All ratios of points (on the same kind of device) to the same reference time have an error in common.
+    /// Returns the part of this error's variance that comes from the differences between runs. The reference
+    /// time is the mean time of `points` points. The returned variance comes from the own factor (`own`) of
+    /// each of the `points` points and, if `self` and `reference` belong to different kinds of device, from
+    /// the common factors (`shared`) of both kinds.
     pub(super) fn variance_of_reference(self, reference: Self, points: usize) -> f64 {
         reference.own_variance(points) + self.shared_variance(reference)
     }

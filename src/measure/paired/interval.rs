@@ -22,7 +22,8 @@ pub struct Interval {
     /// Degrees of freedom of the standard error `error`, for Student's t.
     pub degrees: f64,
     /// The largest amount by which the estimate's logarithm may be wrong, in either direction, for a reason
-    /// that the samples do not show. Each end of the interval is moved outwards by the amount `bias`.
+    /// that the samples do not show. The logarithm of each end of the interval is moved outwards by the
+    /// amount `bias`.
     pub bias: f64,
 }
 
@@ -61,8 +62,8 @@ impl Interval {
     /// Returns this value divided by a factor that is not known exactly. The factor's logarithm lies between
     /// 0 and `log`, which may be negative. As an estimate of the factor, its middle value is used, whose
     /// logarithm is half of `log`. The true factor may be larger than this estimate in all samples, or
-    /// smaller in all samples. Half of `log` is therefore added to the result's bias, and not to its standard
-    /// error: standard errors average out in a mean.
+    /// smaller in all samples. The absolute value of half of `log` is therefore added to the result's bias,
+    /// and not to its standard error: standard errors average out in a mean.
     #[must_use]
     pub fn over_up_to(self, log: f64) -> Self {
         biased(self.middle.ln() - 0.5 * log, self.error(), self.bias + 0.5 * log.abs())

@@ -31,14 +31,17 @@
 //!    has a table of its own. First, the point's own spread between launches is averaged with the spread of
 //!    all points in the table of the point's group. Then the result is averaged with the spread between
 //!    launches in the tables of other groups of the same run. Only the tables of groups that were measured on
-//!    the same machine and devices, in the same number of launches (at least two), are used. The interval of
-//!    a point's median has (launches - 1) degrees of freedom, plus at most six from the tables of all other
-//!    groups together. The other points in the table of the point's own group add no degrees of freedom. As
-//!    in step 2, a point's own variance is not averaged with the variance of other points if the other
-//!    variance is less than half as large.
-//! 4. Launches of a run are minutes apart at most, so they do not show that the machine may be slower on another day.
-//!    The differences between runs were therefore measured separately, once for each kind of device, and are added to
-//!    every interval ([`between`]).
+//!    the same machine and devices, in the same number of launches (at least two), are used. The resulting
+//!    spread has (launches - 1) degrees of freedom, plus at most six from the tables of all other groups
+//!    together. The other points in the table of the point's own group add no degrees of freedom. As in step
+//!    2, a point's own variance is averaged only with a variance that is at least half as large.
+//! 4. Launches of a run are minutes apart at most, so they do not show that the machine may be slower on
+//!    another day. The differences between runs were therefore measured separately, for CPUs and for all
+//!    other devices ([`between`]). From run to run, the times of all points on one kind of device are
+//!    multiplied by a common factor, and the time of each point by a factor of its own. The variances of both
+//!    factors are added to the variance of a median. If two points were measured together on the same kind of
+//!    device, only the variances of their own factors are added to the variance of their ratio, since the
+//!    common factor cancels in the ratio.
 //!
 //! If there is only one launch, the samples of each point are split into five consecutive parts, and each
 //! part is treated as a launch. The intervals of a single launch are preliminary, since they do not include
@@ -355,10 +358,10 @@ fn point(index: usize, plain: &[Vec<Vec<f64>>], relative: &[Vec<Vec<f64>>]) -> O
     Some(Point { median, plain: repeats(&plain), relative: repeats(&relative) })
 }
 
-/// Returns the logarithm of the median time of samples; `logs` has the logarithms of their times. Of an even number of
-/// samples, the median time is halfway between the middle two times, as in all outputs of raycl. The median of the
-/// logarithms is less: it is the logarithm of the geometric mean of the middle two times. Returns `None` if `logs` is
-/// empty.
+/// Returns the logarithm of the median time of samples; `logs` has the logarithms of their times. Of an even
+/// number of samples, the median time is halfway between the middle two times, as in all outputs of raycl.
+/// The median of the logarithms cannot be used: it is the logarithm of the geometric mean of the middle two
+/// times, which is less if these two times differ. Returns `None` if `logs` is empty.
 fn log_of_median(logs: &[f64]) -> Option<f64> {
     let middle = median_of(logs)?;
     let relative: Vec<f64> = logs.iter().map(|log| (log - middle).exp()).collect();

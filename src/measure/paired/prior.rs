@@ -31,8 +31,8 @@ const HALVINGS: usize = 44;
 pub(super) struct Prior {
     /// The variance that a point is taken to have before its own samples are known.
     pub variance: f64,
-    /// The weight, in degrees of freedom, that `variance` has in the mean of `variance` and a point's own
-    /// variance. The weight of `variance` is small if some points vary far more than others, and large if all
+    /// The largest weight, in degrees of freedom, that `variance` may get in the mean of `variance` and a
+    /// point's own variance. This weight is small if some points vary far more than others, and large if all
     /// points vary alike.
     pub degrees: f64,
     /// The geometric mean of the true variances.
@@ -155,8 +155,8 @@ mod tests {
         assert!((prior.typical - 1.31).abs() < 0.05, "{prior:?}");
     }
 
-    /// Half of the points vary a hundred times as much as the other points, so the variance of one point says
-    /// little about the variance of another point.
+    /// The variances of half of the points are a hundred times as large as those of the other points, so the
+    /// variance of one point says little about the variance of another point.
     #[test]
     fn points_of_two_kinds_borrow_little() {
         let of_two: Vec<f64> =
@@ -183,7 +183,7 @@ mod tests {
         assert_eq!(Prior::of(&[1.0, 3.0], 2), Prior { variance: 2.0, degrees: f64::INFINITY, typical: 2.0 });
         assert_eq!(Prior::of(&[0.0; 4], 2).variance, 0.0);
         assert_eq!(Prior::of(&[], 2).variance, 0.0);
-        // If a clock has coarse steps, some observed variances are zero.
+        // If a clock has coarse steps, some observed variances may be zero.
         let coarse = Prior::of(&[0.0, 1.0, 1.0, 1.0, 1.0, 1.0], 3);
         assert!(coarse.variance > 0.0 && coarse.variance.is_finite() && coarse.degrees > 0.0, "{coarse:?}");
     }
