@@ -28,7 +28,8 @@ fn heed_child_processes() {
     // SIGCHLD.
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     if may_ignore(SIGCHLD, &status) {
-        // If the handler cannot be installed, raycl reports later that it cannot wait for a child process.
+        // If the handler cannot be installed, raycl may have to report later that it cannot wait for a child
+        // process.
         let _ = signal_hook::flag::register(SIGCHLD, Arc::new(AtomicBool::new(false)));
     }
 }

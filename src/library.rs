@@ -181,8 +181,9 @@ fn for_programs(error: Error) -> Error {
     error.with_help(remedy)
 }
 
-/// Checks a scene that a program may have made or changed. [`Scene::validate`] checks everything that a scene's file
-/// can set; this function also checks what only programs set.
+/// Checks a scene that a program may have made or changed. [`Scene::validate`] checks everything that a
+/// scene's file can set, except the picture of the sky. This function also checks the picture of the sky, and
+/// what only programs set.
 fn check_scene(scene: &Scene) -> Result<()> {
     scene.validate()?;
     let mistake = |what: &str, expected: &str| Err(Error::input(format!("{what}; expected {expected}")));
@@ -304,11 +305,12 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
 /// # Errors
 ///
 /// Fails if the config has a mistake ([`Error::in_a_line`] returns the message with the file and the line),
-/// if the folder `out` contains files that are not results, or if one of raycl's environment variables (such
-/// as `RAYCL_LOCK_DIR`) has a value that cannot be used. Also fails if the path `out` is an empty text, if
-/// one of the two paths is not UTF-8, if a file cannot be written, if the run is interrupted, if the calling
-/// process is a worker, or if the calling process has not called `serve_if_worker`. A failure of a single
-/// point of the experiment is not an error: the point's record states the reason.
+/// if the folder `out` contains files that are not results, if `resume` is false although the folder contains
+/// results, or if one of raycl's environment variables (such as `RAYCL_LOCK_DIR`) has a value that cannot be
+/// used. Also fails if the path `out` is an empty text, if one of the two paths is not UTF-8, if a file
+/// cannot be written, if the run is interrupted, if the calling process is a worker, or if the calling
+/// process has not called `serve_if_worker`. A failure of a single point of the experiment is not an error:
+/// the point's record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     if is_worker() {
         return Err(Error::input(

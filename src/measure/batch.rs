@@ -8,9 +8,9 @@ const STEPS: f64 = 50.0;
 /// The largest number of frames in a batch, since the number of OpenCL events and the length of a queue are limited.
 const MOST: u32 = 256;
 
-/// Returns the number of frames per sample: the smallest number for which the shortest pass takes at least
-/// `STEPS` steps of the timer, but at most `MOST`. `shortest_ms` is the time of the shortest pass of one
-/// frame, and `resolution_ns` is one step of the timer. Returns 1 if the timer's resolution is unknown or
+/// Returns the number of frames per sample: the smallest number of frames whose shortest passes together take
+/// at least `STEPS` steps of the timer, but at most `MOST`. `shortest_ms` is the time of the shortest pass of
+/// one frame, and `resolution_ns` is one step of the timer. Returns 1 if the timer's resolution is unknown or
 /// `shortest_ms` is not finite.
 pub fn batch_size(shortest_ms: f64, resolution_ns: Option<u64>) -> u32 {
     let Some(resolution_ns) = resolution_ns else { return 1 };

@@ -1,7 +1,7 @@
 //! Statistics of repeated measurements: when to stop, medians and intervals, which points are the winners,
 //! and whether two results differ.
 //!
-//! This module uses no device and no clock: its functions get times as arguments, in milliseconds.
+//! This module uses no device and no clock: its functions get measured times as arguments, in milliseconds.
 
 mod batch;
 mod compare;

@@ -4,8 +4,8 @@ use super::error::Error;
 
 /// The probability that the true value lies below a 95% interval, and also the probability that it lies above.
 pub(super) const RISK: f64 = 0.025;
-/// [`Interval::mean`] computes the weights of values as if every value had at least the error `LEAST_ERROR`,
-/// as a fraction of the value.
+/// [`Interval::mean`] computes the weights of values as if every value had at least the relative error
+/// `LEAST_ERROR`.
 const LEAST_ERROR: f64 = 1e-6;
 
 /// A value and its 95% interval.

@@ -214,9 +214,9 @@ impl Point {
 }
 
 impl Paired {
-    /// Compares `points` points by their samples. Within each launch, samples must be in the order in which they were
-    /// measured. A sample is skipped if its time is not a positive, finite number, or if its index of a point is not
-    /// below `points`.
+    /// Compares `points` points by their samples. Within each launch, samples must be in the order in which
+    /// they were measured. A sample is skipped if its time is not a positive, finite number, or if its field
+    /// `point` is not below `points`.
     ///
     /// A launch is ignored if no point has [`MIN_SAMPLES`] samples in the launch, for example because the
     /// launch was interrupted. A point has too few samples if it has fewer than [`MIN_SAMPLES`] samples in a

@@ -59,8 +59,8 @@ impl Prior {
         let logs: Vec<f64> = logs.iter().map(|log| log.min(most)).collect();
         let typical = mean_of(logs.iter().copied());
         let squares = logs.iter().map(|log| (log - typical).powi(2)).sum::<f64>();
-        // The observed variances differ by chance even if all true variances are equal. Chance alone gives
-        // the logarithms of observed variances the variance trigamma(half), where trigamma is the second
+        // The observed variances differ by chance even if all true variances are equal. By chance alone, the
+        // logarithms of observed variances have the variance trigamma(half), where trigamma is the second
         // derivative of the logarithm of the gamma function. After trigamma(half) is subtracted, what remains
         // is the variance of the logarithms of the true variances.
         let own = squares / (logs.len() - 1) as f64 - trigamma(half);
