@@ -247,7 +247,10 @@ fn a_dry_run_with_resume_says_which_points_are_done() {
     has(&resumed(&[]), &["4 points, 0 of which cannot be measured. Nothing", "4 points in 1 launch"]);
     assert!(!folder.path("out").exists());
     with(r#"["naive"]"#, &["--quiet"]);
-    has(&resumed(&[]), &["4 points, 0 of which cannot be measured; 2 are done. Nothing", "2 points in 1 launch"]);
+    has(
+        &resumed(&[]),
+        &["4 points, 0 of which cannot be measured; 2 are done. Nothing", "2 points in 1 launch"],
+    );
     let json = resumed(&["--json"]);
     let points = serde_json::Deserializer::from_str(&json).into_iter::<Value>();
     for point in points.map(|point| point.expect("JSON")) {
