@@ -23,8 +23,8 @@ const SPHERES: usize = 1024;
 /// Number of rays that the anchor casts per compute unit of the device. Casting all rays takes a few milliseconds on a
 /// CPU and about 0.2 ms on a large GPU.
 const RAYS_PER_UNIT: usize = 4096;
-/// Number of rays for which the hit distances that the kernel found are compared with distances computed on
-/// the host.
+/// Number of rays whose hit distances are computed on the host, too, and compared with those that the kernel
+/// found.
 const CHECKED: usize = 4096;
 /// Largest number of compared rays for which the kernel's distance may differ from the host's. Host and
 /// device round differently, and rounding may decide whether a ray that grazes a sphere hits it.

@@ -2,14 +2,14 @@
 //! into slices along each of the three axes, and a cut lies between two slices. The cost of a cut is a sum
 //! over the cut's two sides: half the surface area of the side's box, times the number of triangles on the
 //! side. A node is a list of primitives (a primitive is a triangle's box and number) or, in the upper part of
-//! a large tree, a list of cells of primitives.
+//! a large tree for one frame, a list of cells of primitives.
 //!
 //! Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007.
 
 use super::bounds::{Bounds, Primitive};
 use glam::Vec4;
 
-/// An item of a node: a primitive or, in the upper part of a large tree, a cell of primitives.
+/// An item of a node: a primitive or, in the upper part of a large tree for one frame, a cell of primitives.
 pub(super) trait Boxed {
     /// The item's box, as a primitive. If the item is a cell, the triangle number in this primitive has no
     /// meaning.
@@ -43,8 +43,8 @@ const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
     /// Cuts `region` into slices along each axis. The region should contain the doubled centre of each
-    /// primitive (the sum of the corners of its box, which `Primitive::centre` returns). A primitive outside
-    /// the region belongs to the first or last slice.
+    /// primitive (the sum of the corners of its box, which `Primitive::centre` returns). A primitive whose
+    /// doubled centre lies outside the region belongs to the first or last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
         // An axis has only one slice if the region's extent along this axis is zero, infinite or too small for
@@ -94,8 +94,8 @@ pub(super) struct Cut {
     /// The bounding boxes of the two children into which the cut divides the node.
     pub bounds: [Bounds; 2],
     /// For each child, a box around the doubled centres of the child's primitives. A primitive's doubled
-    /// centre is the sum of the lowest and the highest corner of its box. Because of rounding, a primitive's
-    /// doubled centre may lie slightly outside the region of its child.
+    /// centre is the sum of the lowest and the highest corner of its box. Because of rounding, some doubled
+    /// centres may lie slightly outside their child's region.
     pub regions: [Bounds; 2],
 }
 
@@ -122,8 +122,8 @@ impl<const N: usize> Bins<N> {
         bins
     }
 
-    /// Adds the counts and the boxes of `other`, the bins of other primitives, to these bins. The slices of
-    /// both must be the same.
+    /// Adds the counts and the boxes of `other`, the bins of other primitives, to these bins. `other` must have
+    /// the same slices as these bins.
     pub fn merge(mut self, other: &Self) -> Self {
         for axis in 0..3 {
             for slice in 0..N {

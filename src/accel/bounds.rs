@@ -28,8 +28,8 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Returns the intersection of the boxes `self` and `other`. If they do not overlap, a coordinate of `low` is
-    /// larger than that of `high`.
+    /// Returns the intersection of the boxes `self` and `other`. If `self` and `other` do not overlap, the result's
+    /// `low` is larger than its `high` in at least one coordinate.
     pub fn intersection(self, other: Self) -> Self {
         Self { low: self.low.max(other.low), high: self.high.min(other.high) }
     }

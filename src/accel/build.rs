@@ -6,8 +6,8 @@
 //! move the primitives, chunk by chunk. The two sides of a cut are built as independent tasks, except in
 //! small subtrees.
 //!
-//! If a large tree is for one frame only, its upper part is built over the cells of a grid, each with many
-//! primitives: see `cells.rs`.
+//! If a large tree is for one frame only, its upper part is built over the cells of a grid, which have many
+//! primitives on average: see `cells.rs`.
 
 use super::bins::{Bins, Boxed, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
@@ -23,7 +23,7 @@ const PARALLEL_NODE: usize = 1 << 16;
 /// Number of triangles in a chunk, the unit of work when all cores compute boxes. In a node with more than
 /// `PARALLEL_NODE` triangles, all cores also count and move the triangles chunk by chunk.
 pub(super) const CHUNK: usize = 1 << 14;
-/// A subtree with at most this many triangles is built by one task.
+/// One task builds a whole subtree with at most this many triangles, unless the subtree has several grid cells.
 const TASK: usize = 1 << 12;
 /// If a subtree has at most this many triangles, and its parent has more, the builder joins the subtree's
 /// nodes into one allocation as soon as the subtree is finished. When a large allocation is freed, the
@@ -31,22 +31,22 @@ const TASK: usize = 1 << 12;
 /// would keep their memory, and large meshes would need a tenth more memory.
 const JOINED: usize = 1 << 19;
 /// To find a cut, nodes with more triangles than this number are divided into `FINE` slices along each axis.
-/// Nodes with at most this many triangles are divided into `COARSE` slices. A list of grid cells, in the
-/// upper part of a large tree, is always divided into `FINE` slices.
+/// Nodes with at most this many triangles are divided into `COARSE` slices. To find a cut of a list of grid
+/// cells (see `cells.rs`), the list is divided into `FINE` slices, whatever its number of triangles.
 const FINE_NODE: usize = 64;
 const FINE: usize = 16;
 const COARSE: usize = 8;
 /// From this depth on, a node is divided into two halves whose numbers of triangles differ by at most one.
 /// Halving limits the depth of the tree of any mesh.
 const HALVING_DEPTH: u32 = 64;
-/// From this depth on, a list of grid cells is divided into two halves. A mesh has at most 2^16 cells. After
-/// 48 cuts of the list of all cells and 16 halvings, each part of the list is a single cell. So the subtree
-/// over a cell's triangles begins at depth 64 (`HALVING_DEPTH`) or less.
+/// From this depth on, a list of grid cells is divided into two halves. A mesh has at most 2^16 cells, so 16
+/// halvings divide any list of cells into single cells. The subtree over a cell's triangles therefore begins at
+/// depth 48 + 16 = 64 (`HALVING_DEPTH`) or less.
 const CELLS_HALVING_DEPTH: u32 = 48;
 /// If a tree is for one frame, and the mesh has at least this many triangles, the upper part of the tree is
-/// built over the cells of a grid. The cuts between cells do not have the least cost, so casting takes
-/// longer: by 3.5% for ten million triangles on an H200 (docs/log.md, 2026-11-28). For a mesh of 200,000
-/// triangles, building a tree over cells was only 7 ms faster.
+/// built over the cells of a grid. Cuts between cells usually cost more than the best cuts between triangles, so
+/// casting takes longer: by 3.5% for ten million triangles on an H200 (docs/log.md, 2026-11-28). For a mesh of
+/// 200,000 triangles, building a tree over cells was only 7 ms faster than building it over triangles.
 const LARGE_MESH: usize = 1 << 19;
 
 /// A subtree that has not been built yet.
@@ -138,8 +138,8 @@ fn grow_cells(cells: &mut [Cell], order: &mut [u32], depth: u32, leaf_size: usiz
     )
 }
 
-/// Finds the best cut through cells, moves the cells to the two sides of the cut, and returns the number of
-/// cells on the left side; `None` if no cut has a finite cost.
+/// Finds the best cut of a list of cells, moves the cells to the two sides of the cut, and returns the number
+/// of cells on the left side; `None` if no cut has a finite cost.
 fn cut_cells(cells: &mut [Cell]) -> Option<usize> {
     let centres = cells.iter().map(|cell| Bounds::point(cell.primitive().centre()));
     let region = centres.fold(Bounds::EMPTY, Bounds::union);
@@ -193,9 +193,9 @@ fn grow_serially(work: Work, leaf_size: usize, nodes: &mut Vec<Node>) -> u32 {
         for (number, primitive) in work.order.iter_mut().zip(work.primitives.iter()) {
             *number = primitive.triangle();
         }
-        // Kernels keep the first of two hits at the same distance. Since the leaf's triangles are sorted by
-        // number, rays hit the one of several coincident triangles that comes first in the mesh. Coincident
-        // triangles have equal centres, so only `halve` can put them into different leaves.
+        // Kernels keep the first of two hits at the same distance. If triangles of this leaf coincide, rays
+        // therefore hit the triangle that comes first in the mesh, since the leaf's triangles are sorted by
+        // number. Coincident triangles have equal centres, so only `halve` can put them into different leaves.
         work.order.sort_unstable();
         return depth;
     }
@@ -296,8 +296,8 @@ mod tests {
         assert_eq!(of(TreeUse::ManyFrames), [None, None]);
     }
 
-    /// The triangles' sizes grow along a row, so that each cut separates only the few largest triangles from
-    /// all others.
+    /// The triangles' sizes grow along a row, so that a cut separates only the few largest triangles from all
+    /// others. Without halving, the tree would therefore be deep.
     #[test]
     fn cells_are_halved_from_a_depth_on() {
         let mut mesh = Mesh::default();

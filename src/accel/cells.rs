@@ -16,8 +16,8 @@ use std::ops::Range;
 const TRIANGLES_PER_CELL: usize = 256;
 /// The largest number of cells, because a cell's number is stored in 16 bits.
 const MOST_CELLS: usize = 1 << 16;
-/// The largest number of threads in `order_by_cell`. More threads would gain little, because each thread
-/// reads the cells of all triangles.
+/// The largest number of threads among which `order_by_cell` divides the triangles evenly. More threads would
+/// gain little, because each thread reads the cells of all triangles.
 const MOST_READERS: usize = 16;
 
 /// Returns the largest number of cells for a mesh with this number of triangles.
@@ -98,18 +98,18 @@ impl Sorted {
 /// the number of triangles in each cell.
 fn order_by_cell(cells: &[u16], counts: &[usize]) -> Vec<u32> {
     let mut order = vec![0; cells.len()];
-    // Each thread reads the cells of all triangles, and writes the triangles of a few neighbouring cells. One
-    // thread writes all triangles of a cell, in the mesh's order, so the result does not depend on the number
-    // of threads.
+    // Each thread reads the cells of all triangles, and writes the triangles of a share of the cells. One thread
+    // writes all triangles of a cell, in the mesh's order, so the result does not depend on the number of
+    // threads.
     let most = cells.len().div_ceil(rayon::current_num_threads().min(MOST_READERS));
     let shares = shares_of(&mut order, counts, most);
     shares.into_par_iter().for_each(|(own, part)| write_share(part, own.start, &counts[own], cells));
     order
 }
 
-/// Divides `order`, in which triangles are ordered by cell, into shares. One thread writes a share. A share has
-/// the triangles of neighbouring cells: at most `most` triangles, or those of a single cell. Returns, for each
-/// share, the range of its cells, and the part of `order` that has the triangles of these cells.
+/// Divides `order`, in which triangles will be ordered by cell, into shares. One thread writes a share. A share
+/// has the triangles of cells with consecutive numbers: at most `most` triangles, or those of a single cell.
+/// Returns, for each share, the range of its cells, and the part of `order` for the triangles of these cells.
 fn shares_of<'a>(
     mut order: &'a mut [u32],
     counts: &[usize],

@@ -96,8 +96,8 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// A good leaf size for most purposes. The ray tracing library Embree, too, puts at most 4 triangles into
-    /// a leaf at medium build quality.
+    /// A good leaf size for most purposes. The ray tracing library Embree, too, makes a leaf of every node
+    /// that has at most 4 triangles (at medium build quality).
     pub const LEAF_SIZE: usize = 4;
 
     /// Builds a tree over a mesh's triangles on all of rayon's threads.

@@ -88,7 +88,7 @@ fn pieces<'a>(
     pieces
 }
 
-/// Cuts two lists of pieces, whose total lengths are equal, into pairs of pieces of equal lengths.
+/// Cuts two lists of pieces, whose total lengths are equal, into pairs. The two pieces of a pair are equally long.
 fn pairs<'a>(
     one: Vec<&'a mut [Primitive]>,
     other: Vec<&'a mut [Primitive]>,
@@ -150,7 +150,10 @@ mod tests {
             assert_eq!(sides(&primitives), sides(&alone));
             let (left, right) = primitives.split_at(cut.left_count);
             let [left, right] = [left, right].map(Primitive::centre_bounds);
-            assert!(left.high[cut.axis] <= right.low[cut.axis], "the cut of chunks of {chunk} is no plane");
+            assert!(
+                left.high[cut.axis] <= right.low[cut.axis],
+                "no plane separates the sides (chunks of {chunk})"
+            );
             assert_eq!(numbers(&primitives), (0..50).collect::<Vec<_>>());
         }
     }

@@ -1,4 +1,4 @@
-//! Traverses a tree with a ray on the host, in f64, with the same steps as the kernels.
+//! Traverses a tree with a single ray on the host, in f64, with the same steps as the kernels of `traversal = bvh`.
 
 use super::WideBvh;
 use glam::DVec3;

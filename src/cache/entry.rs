@@ -21,7 +21,7 @@ pub fn is_name(name: &str) -> bool {
     name.rsplit_once('-').is_some_and(|(kind, hash)| !kind.is_empty() && digits(hash))
 }
 
-/// Returns the bytes of the file of a cache entry: mark, hash, key and content.
+/// Returns the bytes of the file of a cache entry: mark, hash, length of the key, key and content.
 pub fn sealed(key: &str, content: &[u8]) -> Vec<u8> {
     let length = (key.len() as u32).to_le_bytes();
     let rest = [&length[..], key.as_bytes(), content].concat();

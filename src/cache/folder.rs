@@ -39,7 +39,8 @@ fn limit_of(text: Option<&OsStr>) -> Result<u64> {
     Ok(mib.saturating_mul(1 << 20))
 }
 
-/// Returns the folder `raycl` in the user's cache folder; `None` if the environment names no cache folder.
+/// Returns the folder `raycl` in the user's cache folder (`XDG_CACHE_HOME`, otherwise `.cache` in the home folder);
+/// `None` if the environment names neither folder.
 pub fn of_user() -> Option<PathBuf> {
     crate::xdg::folder("XDG_CACHE_HOME", ".cache")
 }
@@ -68,8 +69,8 @@ pub fn temporary() -> Option<PathBuf> {
 
 /// Makes a private folder, if it does not exist. Accepts a parent folder into which everybody may write, such
 /// as some volumes of containers. Returns `None` for the same reasons as [`temporary`]. Also returns `None`
-/// if the folder or, if it does not exist, its nearest ancestor that exists belongs neither to this user nor
-/// to the superuser.
+/// if the folder does not exist, and its nearest ancestor that exists belongs neither to this user nor to the
+/// superuser.
 pub fn private_in_shared(folder: PathBuf) -> Option<PathBuf> {
     let around = existing_ancestor(&folder)?.metadata().ok()?;
     if is_own_or_roots(&around) { private(folder) } else { None }
@@ -141,8 +142,9 @@ pub fn existing_ancestor(folder: &Path) -> Option<&Path> {
 }
 
 /// Returns true if no other user except the superuser can put files into a folder, or can replace the folder
-/// by writing into its parent. Ancestors further up are not examined. If the folder does not exist, this
-/// function checks only whether another user could create the folder in its nearest ancestor that exists.
+/// by writing into its parent. A parent into which a group may write is accepted (see `keeps_names`). Ancestors
+/// further up are not examined. If the folder does not exist, this function checks only whether another user
+/// could create the folder in its nearest ancestor that exists.
 pub fn is_private(folder: &Path) -> bool {
     if folder.symlink_metadata().is_ok() && trusted(folder).is_none() {
         return false;
