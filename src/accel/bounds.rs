@@ -1,4 +1,4 @@
-//! Axis-aligned boxes, and the box and number of a triangle in 32 bytes.
+//! Axis-aligned boxes. The box and the number of a triangle together take 32 bytes.
 
 use glam::{Vec3, Vec4};
 

@@ -149,7 +149,7 @@ fn cut_cells(cells: &mut [Cell]) -> Option<usize> {
 }
 
 /// Builds a subtree of the tree over a mesh's triangles. The two sides of a large subtree are built as two
-/// parallel tasks, a small subtree in the current task.
+/// parallel tasks. A small subtree is built in the current task.
 fn grow(work: Work, leaf_size: usize) -> Subtree {
     let count = work.primitives.len();
     if count <= TASK.max(leaf_size) {

@@ -17,7 +17,7 @@ const TRIANGLES_PER_CELL: usize = 256;
 /// The largest number of cells, because a cell's number is stored in 16 bits.
 const MOST_CELLS: usize = 1 << 16;
 /// The largest number of threads among which `order_by_cell` divides the triangles evenly. More threads would
-/// gain little, because each thread reads the cells of all triangles.
+/// gain little, because each thread reads the cell numbers of all triangles.
 const MOST_READERS: usize = 16;
 
 /// Returns the largest number of cells for a mesh with this number of triangles.
@@ -98,9 +98,9 @@ impl Sorted {
 /// the number of triangles in each cell.
 fn order_by_cell(cells: &[u16], counts: &[usize]) -> Vec<u32> {
     let mut order = vec![0; cells.len()];
-    // Each thread reads the cells of all triangles, and writes the triangles of a share of the cells. One thread
-    // writes all triangles of a cell, in the mesh's order, so the result does not depend on the number of
-    // threads.
+    // Each thread reads the cell numbers of all triangles, and writes the triangles of a share of the cells. One
+    // thread writes all triangles of a cell, in the mesh's order, so the result does not depend on the number
+    // of threads.
     let most = cells.len().div_ceil(rayon::current_num_threads().min(MOST_READERS));
     let shares = shares_of(&mut order, counts, most);
     shares.into_par_iter().for_each(|(own, part)| write_share(part, own.start, &counts[own], cells));
@@ -147,8 +147,8 @@ fn write_share(part: &mut [u32], first: usize, counts: &[usize], cells: &[u16]) 
     }
 }
 
-/// A regular grid of cells. The cells are nearly cubes. Along an axis on which the grid has only a few cells,
-/// the cells may be shorter than along the other axes.
+/// A regular grid of cells. The cells are nearly cubes, but may be shorter along an axis on which the grid has
+/// only a few cells.
 #[derive(Clone, Copy, Debug)]
 struct Grid {
     low: Vec4,

@@ -34,7 +34,7 @@ pub struct Cache {
     only_existing: bool,
 }
 
-/// An entry of the cache, as its file in the cache's folder shows it.
+/// An entry of the cache, described by the path, the size and the modification time of its file.
 #[derive(Clone, Debug)]
 pub struct Entry {
     /// The path of the entry's file.
