@@ -71,7 +71,7 @@ fn address_space_left() -> Option<u64> {
 }
 
 /// Returns how many more bytes of address space a process may use, according to the texts of its files `limits` and
-/// `status` in /proc; `None` if there is no limit.
+/// `status` in /proc; `None` if there is no limit, or if the texts do not state the limit or the use.
 fn left_below(limits: &str, status: &str) -> Option<u64> {
     let used = kibibytes(status, "VmSize:")?;
     Some(address_space(limits)?.saturating_sub(used))
@@ -94,7 +94,8 @@ pub fn thread_stack_bytes() -> u64 {
     1 << 20
 }
 
-/// Returns the soft limit of the address space in the text of /proc/self/limits; `None` if it is "unlimited".
+/// Returns the soft limit of the address space that `text`, the content of /proc/self/limits, states. Returns `None`
+/// if this limit is "unlimited" or missing.
 fn address_space(text: &str) -> Option<u64> {
     let values = text.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     values.split_whitespace().next()?.parse().ok()
@@ -190,7 +191,7 @@ fn group_available(folder: &Path, files: &GroupFiles) -> Option<Available> {
 }
 
 /// Returns how many more bytes a control group's limit allows; `None` if there is no limit. File pages count as free:
-/// before Linux refuses memory, it reclaims file pages, even those in use (`active_file`).
+/// before Linux refuses memory, it reclaims file pages, even recently used ones (`active_file`).
 fn group_left(limit: &str, used: &str, stat: &str, reclaimable: [&str; 2]) -> Option<u64> {
     let limit: u64 = limit.trim().parse().ok()?; // version 2 writes "max" if there is no limit
     let used: u64 = used.trim().parse().ok()?;

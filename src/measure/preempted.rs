@@ -67,7 +67,7 @@ mod tests {
         let mut samples = vec![(0, 10.0, 0.1); 8];
         samples[1] = (0, 12.0, 4.0);
         samples[2] = (0, 20.0, 0.1);
-        // A sample still counts if its utilization is less than a tenth below the usual utilization.
+        // A sample remains if its utilization is at most a tenth below the usual utilization.
         samples[3] = (0, 11.0, 1.9);
         samples[4] = (0, 11.0, 2.5);
         assert_eq!(remaining(&samples), [10.0, 20.0, 11.0, 10.0, 10.0, 10.0]);

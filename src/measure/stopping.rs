@@ -10,17 +10,19 @@ const SETTLING: usize = 16;
 const SETTLED: f64 = 0.05;
 
 /// Decides when a group of points has enough samples in a launch. All points of the group stop together, so each
-/// point has one sample of every round.
+/// point has one sample of every round. All fields except `time_limit_ms` concern only the samples that count
+/// (`sample_round` in src/experiment/rounds.rs says which samples do not count).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StoppingRule {
-    /// Smallest number of rounds of a launch, unless the launch reaches its time limit earlier.
+    /// Smallest number of samples of a point in a launch, unless the launch reaches its time limit or `max_samples`
+    /// earlier.
     pub min_samples: usize,
-    /// Largest number of rounds of a launch.
+    /// A launch ends at the latest when each point has this number of samples.
     pub max_samples: usize,
     /// Samples are precise if their standard deviation divided by their mean is below this value.
     pub relative_sigma: f64,
-    /// The limit of the time per point, as a mean over the group. Even if this time limit is exceeded,
-    /// [`MIN_SAMPLES`] rounds are measured, or `max_samples` if that is less.
+    /// The limit of the time per point, as a mean over the group. Even if this time limit is exceeded, the launch
+    /// continues until each point has [`MIN_SAMPLES`] samples that count, or `max_samples` if that is less.
     pub time_limit_ms: f64,
 }
 
@@ -64,13 +66,14 @@ impl StoppingRule {
         }
     }
 
-    /// Returns the least number of rounds that a launch must have for its samples to be used.
+    /// Returns the least number of samples that each point must have in a launch for the launch to be used.
     pub fn least(&self) -> usize {
         MIN_SAMPLES.min(self.max_samples)
     }
 
-    /// Returns the reason to stop after a round, or `None` if another round is needed. `points_ms` contains
-    /// the samples of each point. All samples together took `elapsed_ms`.
+    /// Returns the reason to stop after a round, or `None` if another round is needed. `points_ms` contains, for
+    /// each point, the times of the samples that count. `elapsed_ms` is the time that all samples together took,
+    /// including those that do not count.
     pub fn stop(&self, points_ms: &[Vec<f64>], elapsed_ms: f64) -> Option<StopReason> {
         let rounds = points_ms.iter().map(Vec::len).min().unwrap_or(0);
         if rounds >= self.min_samples.max(2)
@@ -84,7 +87,7 @@ impl StoppingRule {
         (rounds >= self.max_samples).then_some(StopReason::MaxSamples)
     }
 
-    /// Returns the reason to stop if more samples would not improve the result of any point; otherwise
+    /// Returns the reason to stop if, for each point, the samples are precise or the noise has settled; otherwise
     /// `None`.
     fn known(&self, points_ms: &[Vec<f64>]) -> Option<StopReason> {
         let noise: Vec<_> = points_ms.iter().map(|samples| running_noise(samples)).collect();

@@ -1,5 +1,5 @@
-//! Finds the ELF files within a program's binary. A driver for a CPU stores whole ELF files in the binary: PoCL's
-//! binary consists of the files of a folder, one after another.
+//! Finds the ELF files within a program's binary. A driver for a CPU may store whole ELF files in the binary. For
+//! example, PoCL's binary contains the files of a folder, one after another.
 
 /// The bytes with which a 64-bit, little-endian ELF file begins.
 const MAGIC: [u8; 6] = [0x7f, b'E', b'L', b'F', 2, 1];

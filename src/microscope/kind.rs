@@ -93,7 +93,7 @@ impl Serialize for Kind {
     }
 }
 
-/// Numbers of instructions by kind. An instruction can count as two kinds: an instruction that adds a number
+/// Numbers of instructions by kind. An instruction can count as several kinds: an instruction that adds a number
 /// from memory counts as a load and as arithmetic.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(transparent)]

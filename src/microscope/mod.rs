@@ -49,8 +49,8 @@ pub struct Microscope {
     pub source: String,
     /// Remarks for readers of the listings, for example that a disassembler is missing.
     pub notes: Vec<String>,
-    /// The listings. Each kernel has one listing. A kernel in PTX has a second listing, with SASS, if `ptxas` and
-    /// `nvdisasm` are installed.
+    /// The listings: one for each kernel whose instructions raycl found. A kernel in PTX also has a listing with SASS,
+    /// if `ptxas` and `nvdisasm` are installed.
     pub listings: Vec<Listing>,
 }
 

@@ -21,7 +21,7 @@ pub fn codes(elf: &[u8], kernels: &[&str], file: &str) -> Result<Vec<Code>, Stri
 struct Listing<'a> {
     is_x86: bool,
     /// For an address, the source line of the instructions from this address up to the next address in the
-    /// map; `None` if the instructions after this address belong to no source line.
+    /// map; `None` if these instructions belong to no source line.
     lines: BTreeMap<u64, Option<u32>>,
     /// The name of each function, and the text of its instructions.
     functions: Vec<(&'a str, &'a str)>,
@@ -40,9 +40,9 @@ impl<'a> Listing<'a> {
     /// functions that the kernel calls directly or indirectly.
     fn codes(&self, kernels: &[&str]) -> Vec<Code> {
         let code = |kernel: &&str| {
-            // PoCL's function for a kernel runs a whole work-group. PoCL also writes two functions that read
-            // the kernel's arguments and then run a copy of the work-group function's code. raycl leaves out
-            // these copies, which have no source lines.
+            // PoCL's function for a kernel runs a whole work-group. PoCL also writes two other functions, which
+            // read the kernel's arguments and then run a copy of the first function's code. raycl leaves out
+            // these two functions, because the copies have no source lines.
             let names = [format!("_pocl_kernel_{kernel}"), (*kernel).to_owned()];
             let own = names.iter().find_map(|name| self.function(name))?;
             let functions = with_called(own, |(_, body)| {
@@ -77,11 +77,12 @@ fn function(text: &str) -> Option<(&str, &str)> {
     Some((name, body))
 }
 
-/// Returns the name of the function to which a call or a jump leads: "any_hit" for "call 1000 <any_hit>". The
-/// operand tells a call or a jump from other instructions, since each processor names its calls differently
-/// ("call", "bl"), and objdump names the addresses of data in comments. Returns `None` for a stub of the linker
-/// ("memset@plt"), since a stub only jumps to a function of another file. Also returns `None` for AArch64's
-/// "adrp", which computes the address of a page of memory: a function may begin this page by chance.
+/// Returns the name of the function to which a call or a jump leads: "any_hit" for "call 1000 <any_hit>". A call
+/// or a jump is recognised by the name in its operand, since the opcode of a call depends on the processor
+/// ("call", "bl"). Names of data are not mistaken for functions, since objdump writes them only in comments.
+/// Returns `None` for a stub of the linker ("memset@plt"), since a stub only jumps to a function of another file.
+/// Also returns `None` for AArch64's "adrp", which computes the address of a page of memory. By chance, a function
+/// may begin at this address, and objdump then writes the function's name in the operand.
 fn called(line: &str) -> Option<&str> {
     let (_, text) = instruction(line)?;
     let (name, _) = text.split_once('<')?.1.split_once('>')?;

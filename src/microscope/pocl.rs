@@ -9,7 +9,7 @@ use ocl::Kernel;
 
 /// The bytes with which PoCL's binaries begin.
 const MAGIC: &[u8] = b"poclbin\0";
-/// The largest number of bytes of a file's path in PoCL's binary.
+/// The largest number of bytes that raycl expects of a file's path in PoCL's binary.
 const LONGEST: usize = 1024;
 
 /// Returns true if `binary` is a program's binary that PoCL made.
@@ -48,8 +48,8 @@ fn folder(binary: &[u8], at: usize) -> Option<String> {
     path.split('/').rev().nth(1).map(str::to_owned)
 }
 
-/// Returns true if PoCL compiled a version of a kernel for `local_size`. Returns false if `local_size` is
-/// `None`, that is, if the driver chooses the local size.
+/// Returns true if `version` is the name of a version that PoCL compiled for `local_size`. Returns false if
+/// `local_size` is `None`, that is, if the driver chooses the local size.
 pub fn is_for(version: &str, local_size: Option<[usize; 3]>) -> bool {
     let Some([x, y, z]) = local_size else { return false };
     let rest = version.strip_prefix(&format!("{x}-{y}-{z}"));

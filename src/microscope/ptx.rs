@@ -149,7 +149,7 @@ fn kinds(text: &str, kernel: &str) -> Vec<Kind> {
     }
 }
 
-/// Returns the OpenCL address space that corresponds to a state space of PTX.
+/// Returns the kind of memory that corresponds to a state space (an address space) of PTX.
 fn memory(space: &str) -> Memory {
     match space {
         "global" => Memory::Global,

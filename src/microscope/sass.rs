@@ -99,9 +99,9 @@ fn instruction(line: &str) -> Option<&str> {
     (is_address && !text.is_empty()).then_some(text)
 }
 
-/// Returns true if an instruction is a multiply-add of two zeros ("IMAD.MOV.U32 R2, RZ, RZ, R1"). `ptxas`
-/// uses such a multiply-add of zeros in place of `MOV`. A multiply-add with `.X` also adds a carry, so it is
-/// not a copy.
+/// Returns true if an instruction is a multiply-add whose two factors are 0 ("IMAD.MOV.U32 R2, RZ, RZ, R1"). `ptxas`
+/// uses such an instruction in place of `MOV`, since it copies the summand. A multiply-add with `.X` also adds a
+/// carry, so it is not a copy.
 fn multiplies_zeros(text: &str) -> bool {
     let opcode = opcode(text);
     let multiplies = opcode.starts_with("IMAD") || opcode.starts_with("HFMA2");

@@ -6,7 +6,7 @@ use super::kind::{Kind, Memory};
 /// Prefixes of x86 instructions. objdump prints prefixes before the instruction's name.
 pub(super) const PREFIXES: [&str; 12] =
     ["lock", "rep", "repz", "repnz", "bnd", "notrack", "data16", "cs", "ds", "addr32", "{evex}", "{vex}"];
-/// Beginnings of the names of instructions that are not counted, since they neither compute nor copy a value
+/// Beginnings of the names of instructions that count as no [`Kind`], since they neither compute nor copy a value
 /// for the kernel: padding, marks of branch targets, traps, `vzeroupper` and prefetches. The names in this
 /// list and in the lists below lack the `v` with which the names of AVX instructions begin.
 const FILLERS: [&str; 6] = ["nop", "endbr", "zero", "int3", "ud2", "prefetch"];
@@ -43,8 +43,9 @@ const MOVES: [&str; 30] = [
     "expand",
     "pexpand",
 ];
-/// Beginnings of the names of instructions that never write to memory. If the last operand of an instruction
-/// in this list is memory, the instruction only reads the memory.
+/// Beginnings of the names of instructions that never write to memory, except `cmpxchg`, `bts`, `btr` and `btc`,
+/// which do. If the last operand of one of the other instructions in this list is memory, the instruction only
+/// reads the memory.
 const READERS: [&str; 11] =
     ["cmp", "test", "ucomis", "comis", "ptest", "bt", "div", "idiv", "mul", "imul", "fld"];
 /// Beginnings of the names of instructions that write their last operand but do not read the operand. The
@@ -99,7 +100,8 @@ pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
 /// operands of the instruction.
 fn kinds_by_name(name: &str, operand: &str, frames: &[&str]) -> Option<Vec<Kind>> {
     Some(match name {
-        // `push`, `pop` and `leave` copy between the stack and their operand, which may be memory.
+        // `push` and `pop` copy between the stack and their operand, which may be memory. `leave` has no operand, and
+        // loads `%rbp` from the stack.
         "push" | "pushq" => {
             let read = memory(operand, frames).map(Kind::Load);
             read.into_iter().chain([Kind::Store(Memory::Private)]).collect()

@@ -30,7 +30,7 @@ impl OutFolder {
     /// Reads a folder's list of the files that raycl made (`raycl.b3sum`). Neither the folder nor its list
     /// needs to exist. Fails if `path` is a file instead of a folder, or if this process may not make the
     /// folder or create files in it. Without `--force`, also fails if the folder's file `raycl.b3sum` is not
-    /// a list in the format of `b3sum`.
+    /// a list in the format of `b3sum`. In a folder of results, a file of this name is ignored.
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
         refuse_file(path).map_err(|error| error.with_help(remedy(choice)))?;
         refuse_closed(path, remedy(choice))?;
@@ -99,7 +99,7 @@ impl OutFolder {
         }
         // raycl writes the folder's list of hashes before the files, so that the list includes the files even
         // if the command is killed in between. Once the files are written, raycl writes the list of hashes
-        // again, without the hashes of the replaced files.
+        // again, without the hashes that the replaced files had before.
         self.made.extend(new.iter().cloned());
         self.write_list()?;
         files.iter().try_for_each(|(name, bytes)| self.put(name, bytes))?;

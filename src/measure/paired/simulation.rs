@@ -12,7 +12,8 @@ const LAG_1: f64 = 0.55;
 const LAUNCHES: u32 = 3;
 const ROUNDS: u64 = 20;
 const RUNS: u64 = 24;
-/// Points whose times differ by less than the fraction `RESOLUTION` tie.
+/// A point ties with the fastest point unless the samples show that the point takes longer by more than the fraction
+/// `RESOLUTION`.
 const RESOLUTION: f64 = 0.01;
 
 /// The sources of error of a machine: standard deviations of the logarithms of times, and two probabilities.
@@ -46,9 +47,9 @@ const MACHINE: Machine = Machine {
 };
 
 /// A machine on which another process keeps one of two cores busy for half of the time. The simulation
-/// imitates the other process by phases in which all points are slow. A slow phase begins at one sample in a
-/// hundred, and makes about 30 samples take about 1.7 times as long, so frames take a sixth longer on
-/// average.
+/// imitates the other process by phases in which all points are slow. Outside of slow phases, one sample in a
+/// hundred begins such a phase. A slow phase makes about 30 samples take about 1.7 times as long, so frames
+/// take a sixth longer on average.
 const DISTURBED: Machine = Machine { regime: 0.01, ..MACHINE };
 
 /// A machine on which a third of the points run at one of two speeds, as measured with PoCL for points whose work-items
@@ -201,9 +202,9 @@ fn they_do_of_few_points_and_of_many() {
     holds(MACHINE, 30, [0.04, 0.08]);
 }
 
-/// Tests that points with a fast and a slow mode hardly make the comparison of the other points less exact.
-/// By chance, two in five of the points with two modes show only the fast mode in three launches. The
-/// interval of a point that showed only its fast mode contains the result of another run less often.
+/// Tests that points with a fast and a slow mode hardly widen the intervals of the other points. By chance, two
+/// in five of the points with two modes show only the fast mode in three launches. The interval of such a point
+/// contains the result of another run less often than the intervals of the other points.
 #[test]
 fn steady_points_are_told_apart_beside_bimodal_ones() {
     let coverage = |machine, of: &dyn Fn(usize) -> bool| {
@@ -234,8 +235,8 @@ fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     Interval { middle, low, high, error: 0.0, degrees: 0.0, bias: 0.0 }
 }
 
-/// Shows why launches are repeated: the bootstrap ignores launches, and its intervals contain the result of
-/// another run far less often than the intervals of [`Paired`].
+/// Shows why an interval must include the differences between launches. The bootstrap treats the samples of all
+/// launches alike, and its intervals contain the result of another run far less often than those of [`Paired`].
 #[test]
 fn the_plain_interval_of_a_median_does_not_hold() {
     let plain = |samples: &Vec<PairedSample>, point: usize| {

@@ -8,8 +8,8 @@ use crate::measure::summary::quantile;
 /// If a spread is averaged with the spread of other points or tables, it *borrows* this other spread.
 /// `BORROWED` is the largest weight, in degrees of freedom, that the spread of other points or tables gets in
 /// such an average. The spread of a point or of a pair of points borrows (is averaged with) the spread of all
-/// points. The spread in a table (of the points and launches of one group) borrows (is averaged with) the
-/// spread in other tables.
+/// points of the same table, that is, of the same group. The spread of a point then also borrows the spread in
+/// the tables of other groups of the same run.
 const BORROWED: usize = 6;
 /// The spread of a pair of points is averaged with the spread of all points only in tables of at least
 /// `FEWEST_LENDERS` rows (points). In a table of three rows, the spread of all rows would come from the two
@@ -51,8 +51,9 @@ pub(super) struct Pooled {
 }
 
 impl Pooled {
-    /// Pools two tables of the same shape. The tables' values are medians of the logarithms of times: in
-    /// `relative` after the drift was subtracted, in `plain` before the drift was subtracted.
+    /// Computes the pooled spread from two tables of the same shape. The tables' values are medians of the logarithms
+    /// of times. In `relative`, the drift that all points of a launch share is subtracted from these logarithms; in
+    /// `plain`, the drift is not subtracted.
     pub(super) fn of(relative: &[&[f64]], plain: &[&[f64]]) -> Self {
         let (rows, columns) = (relative.len(), relative.first().map_or(0, |row| row.len()));
         let together: Vec<f64> = plain.iter().map(|row| variance(row)).collect();
@@ -98,8 +99,8 @@ impl Pooled {
         }
     }
 
-    /// Returns the error of the difference between two rows with the typical variance of this table; `None` for a table
-    /// with fewer than two rows.
+    /// Returns the error that a difference between two rows would have if both rows had the typical variance of this
+    /// table; `None` for a table with fewer than two rows.
     pub(super) fn usual(&self) -> Option<Error> {
         (self.rows > 1).then(|| self.moderated(2.0, 2.0 * self.apart.typical))
     }
@@ -196,8 +197,8 @@ fn interaction(table: &[&[f64]]) -> Prior {
 
 /// Returns one variance per row of a table with at least two rows. For each row, the function computes the
 /// variance of its differences from each other row, and returns half of the least of these variances. In a
-/// table with three rows, medians would not help. The median of the two other rows would be their mean, so
-/// one noisy row would make the residuals of both other rows noisy.
+/// table with three rows, the median of the two other rows would be their mean. If residuals were computed
+/// from this median, one noisy row would make the residuals of both other rows noisy.
 fn to_the_nearest(table: &[&[f64]]) -> Vec<f64> {
     let apart = |one: &[f64], other: &[f64]| {
         variance(&one.iter().zip(other).map(|(one, other)| one - other).collect::<Vec<f64>>())
@@ -412,7 +413,7 @@ mod tests {
         let error = |differences: &[f64], rows| pooled.of_difference(differences, rows).error;
         assert!(error(&[0.0; 3], [1, 1]) > 0.02, "{}", error(&[0.0; 3], [1, 1]));
         assert!(error(&[-0.5, 0.5, 0.0], [1, 1]) > error(&[0.0; 3], [1, 1]));
-        // The mean of four points has half the error of a single point.
+        // The difference between two means of four points has half the error of a difference between two points.
         assert!((error(&[0.0; 3], [1, 1]) / error(&[0.0; 3], [4, 4]) - 2.0).abs() < 1e-12);
     }
 }
