@@ -1,5 +1,5 @@
-//! Starts the running program once more: as a worker, to list devices, or to compile an OpenCL program and
-//! store this program in the cache.
+//! Makes commands that start the running program once more, for example as a worker, or to measure peak rates
+//! in a child process.
 
 use crate::device::drivers::LIBRARIES;
 use crate::error::{Error, Result};
@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The value of the environment variable `LIBRARIES` (names of drivers' libraries) before any driver was
-/// loaded.
+/// The value that the environment variable with the name [`LIBRARIES`] had before any driver was loaded: the
+/// names of drivers' libraries.
 static LIBRARIES_AT_FIRST: OnceLock<Option<OsString>> = OnceLock::new();
 
 /// Stores the value of the variable that names drivers' libraries. Processes that raycl starts later get the

@@ -1,8 +1,7 @@
 //! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and
 //! Markdown. All text that raycl did not write itself must pass through this module. Control characters could
 //! move a terminal's cursor, rename its window or forge lines of a log, and invisible characters could hide a
-//! mistake. Control characters and invisible characters are printed as escapes such as `\u001b`, which are
-//! also valid JSON.
+//! mistake. These characters are printed as escapes such as `\u001b`, which are also valid in strings of JSON.
 
 use std::borrow::Cow;
 use std::cell::Cell;
@@ -16,8 +15,8 @@ pub fn steers(c: char) -> bool {
 }
 
 /// Returns true if a character only formats text. The characters that only format text are Unicode's
-/// separators of lines and paragraphs, its format characters (general category Cf), and letters without a
-/// shape.
+/// separators of lines and paragraphs, most of its format characters (general category Cf), and some letters
+/// and marks without a shape.
 fn formats(c: char) -> bool {
     matches!(
         c,
@@ -28,7 +27,8 @@ fn formats(c: char) -> bool {
     )
 }
 
-/// Returns the text with control characters and invisible characters replaced by escapes such as `\u001b`.
+/// Returns the text with control characters and invisible characters replaced by escapes such as `\u001b`. Line
+/// breaks and tabs stay.
 pub fn plain(text: &str) -> Cow<'_, str> {
     escaped(text, steers)
 }
@@ -81,8 +81,8 @@ fn colour(text: &str) -> Option<usize> {
     inner[digits..].starts_with('m').then_some(2 + digits + 1)
 }
 
-/// Escapes text for one line of Markdown, so that nothing in it becomes a heading, a link, HTML or
-/// the end of a table's cell.
+/// Escapes text for one line of Markdown, so that none of its characters marks a heading, a link, HTML or the
+/// end of a table's cell.
 pub fn markdown(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in escaped(&text.replace(['\n', '\t'], " "), steers).chars() {
@@ -101,7 +101,7 @@ thread_local! {
 
 /// Calls `work`. Until `work` returns or panics, [`tell`] prints nothing in this thread.
 pub(crate) fn muted<T>(work: impl FnOnce() -> T) -> T {
-    /// The value of `IS_MUTED` before the call of `muted`, which `drop` restores.
+    /// The value that `IS_MUTED` had before the call of `muted`. `drop` restores this value.
     struct Before(bool);
     impl Drop for Before {
         fn drop(&mut self) {

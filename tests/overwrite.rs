@@ -57,7 +57,7 @@ fn no_picture_takes_the_place_of_a_missing_texture() {
         let mtl = format!("newmtl a\nmap_Kd {texture}\n");
         let folder = WorkFolder::with(&[("a.obj", mesh), ("a.mtl", &mtl)]);
         let message = folder.mistake(&[&["render", "a.obj", "--device", &device], words].concat(), 2);
-        let refusal = format!("'{texture}' is missing, but is a file of the scene: ");
+        let refusal = format!("'{texture}' is a file of the scene, but does not exist: ");
         has(&message, &[refusal.as_str(), "`-o FILE` writes elsewhere"]);
         assert!(!message.contains("cannot be read"), "{message}");
         assert!(!folder.path(texture).exists() && !folder.path("a-0001.png").exists());

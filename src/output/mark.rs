@@ -25,8 +25,8 @@ const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 pub enum Maker {
     /// raycl made the file, and nobody has changed the file since.
     Raycl,
-    /// The file has a mark, or the list in its folder has its name, but the hash does not match the file: somebody has
-    /// probably changed the file since raycl made it.
+    /// The file has a mark, or the list in the file's folder contains the file's name, but the hash does not match the
+    /// file: somebody has probably changed the file since raycl made it.
     Changed,
     /// Neither a mark nor the list in the file's folder shows that raycl made the file.
     Other,
@@ -70,7 +70,8 @@ pub fn json(text: &str) -> String {
     text.replacen('{', &format!("{{\n\"mark\": \"{}\",", blank()), 1)
 }
 
-/// Replaces the zeros in a file's blank mark by the hash of the rest of the file.
+/// Replaces the zeros in a file's blank mark by the hash of the rest of the file. In a PNG, also sets the
+/// checksum of the chunk that contains the mark.
 pub fn seal(file: &mut File) -> Result<()> {
     let mark = MarkInFile::read(file)?.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it has no mark"))?;
     file.seek(SeekFrom::Start(mark.hole.start as u64))?;

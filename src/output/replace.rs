@@ -99,9 +99,9 @@ pub(super) fn permit(
 }
 
 /// Writes a file by calling `write` and puts the file into its place, completely or not at all. If the
-/// process ends while `write` runs, no incomplete file stays, except on file systems without unnamed files.
-/// Before the file is put into its place, the path is checked again, since another program may have created a
-/// file at the path meanwhile.
+/// process is killed while `write` runs, an incomplete file stays only if the system or the file system does
+/// not support files without names. Before the file is put into its place, the path is checked again, since
+/// another program may have created a file at the path meanwhile.
 pub(super) fn put(
     path: &Path,
     choice: Choice,
@@ -124,8 +124,8 @@ pub(super) fn put(
     write(unfinished.file()).map_err(failed)?;
     let name = permit(path, choice, &maker)?;
     let must_be_new = name == Name::Free && !choice.force;
-    // The file has no name until `link_to` gives it the final name, so a process that is killed before
-    // `link_to` leaves no file behind.
+    // If the file has no name yet, `link_to` gives it the final name. A process that is killed before
+    // `link_to` then leaves no file behind.
     if must_be_new && unfinished.link_to(path).map_err(|_| appeared(path, choice))? {
         return Ok(());
     }
@@ -188,8 +188,9 @@ fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
     match file.persist_noclobber(path) {
         Ok(_) => Ok(()),
         Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Err(error.error),
-        // Some file systems cannot rename a file without the risk of replacing another file. If the rename
-        // fails for this reason, this function first reserves the name with an empty file.
+        // Some file systems cannot rename a file without the risk of replacing another file. The rename may
+        // have failed for this reason, so this function reserves the name with an empty file, and then
+        // replaces the empty file.
         Err(error) => {
             File::create_new(path)?;
             replace(error.file, path).inspect_err(|_| {

@@ -9,14 +9,14 @@ use crate::record::journals::{
 };
 use std::path::Path;
 
-/// The files that a run may leave if it ends before its first record, for example because the user interrupts
-/// it or the disk is full. A run that ends before its first record may also leave files of earlier runs (see
-/// [`is_earlier_environment`]).
+/// The files that a run may leave if it ends before it creates `records.jsonl`, for example because the disk
+/// is full. A run also renames the `environment.json` of an earlier run (see [`is_earlier_environment`]).
 const BEGUN: [&str; 7] = [".lock", ENVIRONMENT, SAMPLES, LAUNCHES, ROUNDS, ANCHORS, IMAGES];
 
 /// Returns an error, before any work is done, if a folder contains files but no results. A run would mix its own files
-/// with the existing files, and could replace some of them. Files that a run may leave before its first record do not
-/// count. Returns no error with `--force`, or if `known` is true (raycl has written into the folder before).
+/// with the existing files, and could replace some of them. Files that a run may write before it creates
+/// `records.jsonl` do not count. Returns no error with `--force`, or if `known` is true (raycl has written into the
+/// folder before).
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
     if choice.force || known {
         return Ok(());
@@ -53,8 +53,8 @@ fn without_records(folder: &Path, choice: Choice) -> Error {
     ))
 }
 
-/// Returns true if `path` is one of the files that a run may write before its first record. For a folder
-/// `images` with pictures in it, returns true only if the file `.lock` is beside the folder.
+/// Returns true if `path` is one of the files that a run may write before it creates `records.jsonl`. For a
+/// folder `images` with pictures in it, returns true only if the file `.lock` is beside the folder.
 fn is_begun(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let empty = || std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());

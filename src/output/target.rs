@@ -54,7 +54,7 @@ impl Target {
     }
 
     /// Returns true if the paths of this target and of `other` lead to the same file, even if the paths are
-    /// written differently. Returns false if the file's folder does not exist.
+    /// written differently. Returns false if the folder of one of the two paths does not exist.
     pub fn is_same_file(&self, other: &Self) -> bool {
         in_canonical_folder(&self.path).is_some_and(|path| in_canonical_folder(&other.path) == Some(path))
     }
@@ -88,7 +88,7 @@ impl Target {
         let message = match path.symlink_metadata() {
             Ok(_) => format!("'{name}' is {what}, and is not replaced"),
             Err(_) => format!(
-                "'{name}' is missing, but is {what}: later commands would read the file that is written there"
+                "'{name}' is {what}, but does not exist: later commands would read what is written there"
             ),
         };
         Err(Error::input(message).with_help(format!("`{}` writes elsewhere", self.choice.elsewhere)))
@@ -191,7 +191,7 @@ mod tests {
             target.check_unread("a file of the test", |path| path == read)
         };
         let why = [
-            "is missing, but is a file of the test: later commands would read the file that is written there",
+            "is a file of the test, but does not exist: later commands would read what is written there",
             "is a file of the test, and is not replaced",
         ];
         for why in why {

@@ -131,7 +131,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut file = Unfinished::in_folder(folder.path()).unwrap();
         file.file().write_all(b"whole").unwrap();
-        // On file systems without unnamed files, the unfinished file has a temporary name.
+        // Where files without names are not supported, the unfinished file has a temporary name.
         let named = usize::from(unnamed_in(folder.path()).is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), named);
         let file = file.named(folder.path()).unwrap();

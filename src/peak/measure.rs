@@ -1,5 +1,5 @@
 //! Measures the peak rates, one per function. Each of these functions checks the numbers that its kernel
-//! computed. The check shows that the kernel did the work.
+//! computed. The check shows that the kernel did the work. A *loop* here means one iteration of a kernel's loop.
 
 use super::rig::{NO_TIMES, PeakProgram, Rig, failed, failed_because, repeat};
 use super::{Figure, Peak};
@@ -13,14 +13,14 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use std::time::{Duration, Instant};
 
-/// The values of CHAINS and STEPS in cl/peak/fma.cl: in each loop, a work-item computes CHAINS independent chains of
-/// STEPS multiply-adds of vectors.
+/// The values of CHAINS and STEPS in cl/peak/fma.cl: in each iteration of the loop, a work-item computes CHAINS
+/// independent chains of STEPS multiply-adds of vectors.
 const CHAINS: u64 = 16;
 const FMA_STEPS: u64 = 8;
-/// The value of STEPS in cl/peak/latency.cl: the number of operations in a loop, each of which waits for the one
-/// before.
+/// The value of STEPS in cl/peak/latency.cl: the number of operations in an iteration of the loop; each of
+/// them waits for the one before.
 const STEPS: i32 = 16;
-/// The value of SLOTS in cl/peak/local.cl: the number of vectors that a work-item reads in a loop.
+/// The value of SLOTS in cl/peak/local.cl: the number of vectors that a work-item reads in an iteration of the loop.
 const SLOTS: u64 = 8;
 /// Size in bytes of a buffer that does not fit into any cache. On a device with little memory, a smaller buffer is
 /// used.
@@ -390,8 +390,8 @@ mod tests {
         );
     }
 
-    /// Each expected number is the sum of the 16 chains of multiply-adds of a work-item after eight steps. In
-    /// the first work-item, the chains begin at the numbers 0 to 15.
+    /// Each expected number is the sum of the values that a work-item's 16 chains of multiply-adds have after
+    /// eight steps. In the first work-item, the chains begin at the numbers 0 to 15.
     #[test]
     fn a_loop_of_multiply_adds_moves_each_chain_eight_steps_towards_its_limit() {
         assert_eq!(after_a_loop(0, 1), 32.0 + (120.0 - 32.0) / 256.0);

@@ -25,7 +25,7 @@ pub const FILE: &str = "peak.json";
 /// The rates per second that a device can have. The rates of real devices and simulators are far from both
 /// ends of the range `POSSIBLE_PER_S`.
 const POSSIBLE_PER_S: RangeInclusive<f64> = 1.0..=1e18;
-/// The help in the error message about a file that contains no peak rates.
+/// The help in error messages about a file from which raycl cannot read peak rates.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes a file of peak rates";
 /// The help in the error message about a folder of results whose peak rates cannot be read.
 const MEASURED_AGAIN: &str = "delete the file; then measure the rates again, with `raycl run CONFIG --peak --resume` \
@@ -162,8 +162,8 @@ impl Peak {
     }
 
     /// Returns true if these peak rates may have been measured on `device`. The name of a device in records
-    /// depends on the machine's other devices, so the rates may have any of the names that records can use
-    /// for the device.
+    /// depends on the machine's other devices, so `self.device` may be any of the names that records can use
+    /// for `device`.
     pub fn may_be_of(&self, device: &DeviceInfo) -> bool {
         [&device.label, &device.name, &device.slug()].contains(&&self.device)
     }
@@ -196,10 +196,10 @@ impl Peak {
         }
     }
 
-    /// Computes the rate of operations of a record's ray-triangle tests as a share of the device's peak rate of
-    /// multiply-adds. Adds this share of the peak rate, and the peak rate itself, to the record. Leaves the record
-    /// unchanged if `all` has no rates of the record's device; adds no share if the record lacks the rate of tests or
-    /// the operations per test.
+    /// Computes how many operations per second a record's ray-triangle tests execute, as a share of the device's peak
+    /// rate of multiply-adds. Adds this share of the peak rate, and the peak rate itself, to the record. Leaves the
+    /// record unchanged if `all` has no rates of the record's device; adds no share if the record lacks the rate of
+    /// tests or the operations per test.
     pub fn apply(all: &[Self], record: &mut Record) {
         let Some(peak) = all.iter().find(|one| one.device == record.device) else { return };
         record.fma_per_s = Some(peak.fma_per_s.median).filter(|rate| *rate > 0.0);
@@ -212,7 +212,7 @@ impl Peak {
 }
 
 /// Adds to the draft of a record how many operations the strategy's ray-triangle test takes, and how many
-/// bytes the test reads. The numbers of operations and bytes come from the headers of the strategy's kernel
+/// bytes the test reads. The numbers of operations and bytes depend on the headers of the strategy's kernel
 /// files. The numbers of operations and bytes are stored in the record, since a process that reads the record
 /// later may have read other kernel files.
 pub fn describe_test(record: &mut Record) {

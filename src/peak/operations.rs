@@ -5,8 +5,8 @@ use crate::strategy::{Axis, Intersector};
 /// Returns the number of floating-point operations of a ray-triangle test. Most rays miss the triangle, so the number
 /// includes only the operations up to the point at which most misses are found. Additions, multiplications and fused
 /// multiply-adds count as one each. Comparisons, sign changes, minima and the tolerances of edges do not
-/// count as operations. If edges are tested one by one (on GPUs), some tests end after one or two edges, but
-/// the count includes all three. The count is `operations` in the header of the test's file. The function
+/// count as operations. On GPUs, a common-origin test takes the edges one by one, and may end after one or two
+/// edges, but its count includes all three. The count is `operations` in the header of the test's file. The function
 /// returns `None` if the strategy names no test, or if the header has no `operations`.
 pub fn operations_per_test(strategy: &str) -> Option<u32> {
     let name = strategy.split_whitespace().find_map(|part| part.strip_prefix("intersector="))?;

@@ -1,4 +1,5 @@
 //! Shared parts of the measurements: building programs of `cl/peak/`, and timing a kernel with enough loops.
+//! A *loop* here means one iteration of a kernel's loop.
 
 use crate::clock::ms_since;
 use crate::device::Device;
@@ -28,8 +29,8 @@ pub struct Rig<'a> {
 
 /// Number of repeats of every measurement.
 const REPEATS: usize = 9;
-/// A kernel launch runs enough loops to take at least `LONG_ENOUGH_MS`, so that the timer's resolution and
-/// the cost of the launch are negligible.
+/// The number of loops is doubled until a kernel launch takes at least `LONG_ENOUGH_MS` (or has `MOST_LOOPS`
+/// loops), so that the timer's resolution and the cost of the launch are negligible.
 const LONG_ENOUGH_MS: f64 = 20.0;
 /// If a kernel launch takes more than `WITHOUT_TIMES_MS` by the host's clock, but no time by the device's
 /// clock, the device's clock is assumed not to run.

@@ -42,8 +42,8 @@ impl<'a> Traffic<'a> {
         })
     }
 
-    /// Returns the bytes that each ray-triangle test of a record's strategy reads. These numbers come from
-    /// the headers of the kernel files that implement the strategy's values. Returns `None` for baselines,
+    /// Returns the bytes that each ray-triangle test of a record's strategy reads. These numbers depend
+    /// on the headers of the kernel files that implement the strategy's values. Returns `None` for baselines,
     /// and if this version of raycl does not know one of the strategy's values. Also returns `None` for
     /// strategies that do not test every primary ray against every triangle: their number of tests is unknown, so
     /// the bytes per test would not yield the bytes of a frame.

@@ -10,7 +10,8 @@ use crate::manifest::{
 use crate::scene::{AreaShape, COLOUR_STEPS, LEAST_ALPHA_UNIT, Material, Triangle, Wrap};
 use crate::strategy::{Culling, Epsilons, Math, Strategy, Workload};
 
-/// The defines that state whether the strategy or scene has a property: 1 if it does, otherwise 0.
+/// The defines that state whether a fact holds, usually a property of the strategy, the scene or the picture: 1
+/// if the fact holds, otherwise 0.
 const SWITCHES: &[(&str, Fact)] = &[
     ("TREE", Fact::Tree),
     ("PLANES_OF_ORIGIN", Fact::Planes),
@@ -30,7 +31,8 @@ const SWITCHES: &[(&str, Fact)] = &[
     ("GIVEN_RAYS", Fact::GivenRays),
 ];
 
-/// Returns the value of the define `name`; `None` if no define has this name.
+/// Returns the value of the define `name`; `None` if no define has this name, or if the define has no value for
+/// the strategy (`INDEX_BITS` for a layout without indices).
 pub(super) fn value_of(
     name: &str,
     strategy: &Strategy,

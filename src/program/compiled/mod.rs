@@ -1,9 +1,9 @@
 //! Properties of a compiled kernel: registers, spills, bytes of memory, and the address spaces that its
 //! instructions access.
 //!
-//! The sizes of work-groups and of memory come from the driver. Registers come from the build log, if the log
-//! states them. Memory instructions come from the program's binary, if the binary is PTX text. An unknown
-//! property is `None`.
+//! The sizes of work-groups and of memory come from the driver. Registers, spills, the stack and a second
+//! number of bytes of `__local` memory come from the build log, if the log states them. Memory instructions
+//! come from the program's binary, if the binary is PTX text. An unknown property is `None`.
 
 mod log;
 pub(crate) mod ptx;

@@ -98,8 +98,9 @@ fn array_bytes(declaration: &str) -> Option<u64> {
 }
 
 /// Returns the text between the braces of the kernel `.entry name(...)` or of the function `.func (...)
-/// name(...)`. Returns `None` if the text has no such kernel or function, or only its declaration, which has
-/// no braces, or if the closing brace is missing.
+/// name(...)`. Returns `None` if the text has no such kernel or function, or if the closing brace is missing.
+/// Also returns `None` if the text has only a declaration of the kernel or function: a declaration has no
+/// braces.
 pub(crate) fn body_of<'a>(text: &'a str, name: &str) -> Option<&'a str> {
     let heads = [".entry", ".func"].into_iter().flat_map(|word| text.match_indices(word));
     let body = heads.into_iter().find_map(|(at, word)| after_head(&text[at + word.len()..], name))?;
