@@ -310,7 +310,7 @@ fn chase_global(rig: &Rig<'_>, program: &PeakProgram) -> Result<Figure> {
     let kernel = rig.kernel(program, "chase_global", [1, 1], |kernel| {
         kernel.arg(0_i32).arg(0_i32).arg(&buffer).arg(&out);
     })?;
-    // Reads of a large buffer take long, so few loops are run, and the number of steps fits into an `i32`.
+    // A kernel launch has at most 2^24 loops (`MOST_LOOPS`), so the number of steps fits into an `i32`.
     let (mut at, mut steps) = (0_i32, 0_i32);
     let (seconds, _) = rig.per_loop(&kernel, |loops| {
         for _ in 0..steps {
