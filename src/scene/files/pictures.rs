@@ -18,8 +18,9 @@ const MOST_ACROSS: u32 = 1 << 14;
 const MOST_TEXELS: usize = 1 << 28;
 /// Largest memory for decoding a picture, in bytes: enough for the largest picture with 16 bits per channel.
 const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
-/// The supported formats. The first bytes of a file show its format, but TGA has no typical first bytes. If
-/// the first bytes are of no known format, the file is a TGA if it has a TGA's footer or extension.
+/// The supported formats. The first bytes of a file show its format, except for TGA, which has no typical first
+/// bytes. A file whose first bytes are of no known format counts as a TGA if it has the footer or the extension of a
+/// TGA.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 /// The last bytes of a TGA of version 2 (Truevision, "TGA File Format Specification", 1991). Files of older
 /// versions have no footer.
@@ -28,7 +29,8 @@ const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE.\0";
 /// A result whose error continues a message that begins with the picture's name.
 type Parsed<T> = std::result::Result<T, String>;
 
-/// A picture's width and height in texels, its texels, and its parts that are not used, each with what it states.
+/// A picture's width and height in texels, its texels, and the parts of the picture that are not used. With each part
+/// is a text for messages, such as `gAMA 1`; the text may be empty.
 type Decoded = ([u32; 2], Arc<[u32]>, Vec<(Part, String)>);
 
 /// How a mesh uses a picture.
@@ -79,9 +81,9 @@ impl Pictures {
         self.texture(path.clone(), &quoted_name(name), usage, picture)
     }
 
-    /// Does the same as [`Self::file`] for a picture whose bytes are in the mesh file. `key` identifies the
-    /// picture within the mesh file. `bytes` returns the bytes, and is called only if the picture is not
-    /// decoded yet.
+    /// Does the same as [`Self::file`] for a picture without a file of its own: its bytes are in the mesh file or in a
+    /// glTF buffer. `key` identifies the picture within the mesh file. `bytes` returns the bytes, and is called only if
+    /// the picture is not decoded yet.
     pub fn bytes<'a>(
         &mut self,
         key: &str,
@@ -197,7 +199,7 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     Ok(([width, height], texels, unused))
 }
 
-/// Returns the parts of a picture that are not used, each with what it states.
+/// Returns the parts of a picture that are not used, each with a text for messages (see [`Decoded`]).
 fn unused_parts(bytes: &[u8], format: ImageFormat, decoder: &mut impl ImageDecoder) -> Vec<(Part, String)> {
     let profile = decoder.icc_profile().ok().flatten();
     let space = other_colour_space(bytes, profile.as_deref()).map(|space| (Part::ColourSpace, space));
@@ -294,7 +296,7 @@ mod tests {
         let mut pictures = Pictures::default();
         let plain = png(3, 2);
         let with = |kind: &[u8], data: &[u8]| {
-            // The chunks of a PNG follow its header, which ends after 33 bytes.
+            // The signature of a PNG and its first chunk, IHDR, take 33 bytes. The new chunk follows them.
             let mut sum = flate2::Crc::new();
             [kind, data].iter().for_each(|bytes| sum.update(bytes));
             let length = (data.len() as u32).to_be_bytes();

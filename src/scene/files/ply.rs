@@ -1,5 +1,5 @@
-//! Reads PLY files, ASCII or binary in either byte order. The crate `ply-rs-bw` reads the headers and the
-//! elements of binary files.
+//! Reads PLY files, ASCII or binary in either byte order. The crate `ply-rs-bw` reads the header of each file and, if
+//! the file is binary, the elements.
 
 mod ascii;
 mod colour;
@@ -35,8 +35,8 @@ const LIST_BYTES: usize = 32;
 /// Memory for a face while a file is read, in bytes: the face itself, the list of its corners, and one
 /// triangle.
 const FACE_BYTES: u64 = (size_of::<Face>() + LIST_BYTES + size_of::<Triangle>()) as u64;
-/// Additional memory for a face if faces have colours, in bytes: a copy of the face with its colour, and the
-/// colour of one triangle.
+/// Additional memory for a face if the colours of faces are used, in bytes: a copy of the face with its colour, and
+/// the colour of one triangle.
 const FACE_COLOUR_BYTES: u64 = (size_of::<ColouredFace>() + size_of::<Vec3>()) as u64;
 /// Memory for each different colour of triangles, in bytes: a material, and an entry in the map of colours.
 /// This memory is doubled, because up to half of the list of materials and of the map may be unused.
@@ -45,8 +45,8 @@ const COLOUR_BYTES: u64 = 2 * (size_of::<Material>() + size_of::<((u32, [u32; 3]
 const MAX_COLOURS: u64 = 1 << 24;
 
 /// The words for the elements that are left out, in a note. If a header defines several types of elements
-/// with the same name, only the first of these types is read.
-const OTHERS: &str = "elements other than the first `vertex`, `face` and `tristrips`";
+/// with the same name, only the elements of the first of these types are used.
+const OTHERS: &str = "elements other than `vertex`, `face` and `tristrips`, and second definitions of these,";
 
 /// Reads a PLY file from its bytes.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
@@ -97,7 +97,7 @@ fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     let what = what.split_once(": ").map_or(what, |(_, what)| what).trim_end_matches(['.', ':']);
     // The first line of some messages contains a name from the header, so every message is treated as a
     // quotation of the file.
-    let flaw = Flaw::quoting(what, "not valid PLY; expected elements as the header defines them");
+    let flaw = Flaw::quoting(what, "not valid PLY; expected a header, and elements as it defines them");
     match line {
         Some(line) => flaw.at(line),
         None => flaw,
@@ -399,8 +399,8 @@ fn note_version(header: &Header) -> Option<String> {
     ((major, minor) != (1, 0)).then(note)
 }
 
-/// Returns a note on vertices whose position is not valid; `None` if there are none. No face uses these vertices,
-/// since [`settle`] would have refused the file.
+/// Returns a note on vertices whose position is not valid; `None` if there are none. No triangle uses these vertices:
+/// [`settle`], which is called earlier, refuses a file with such a triangle.
 fn note_invalid(positions: &[DVec3]) -> Option<String> {
     let count = positions.iter().filter(|position| !is_valid(position)).count();
     let vertices = counted_are(count, "vertex that no face uses");
@@ -415,7 +415,7 @@ fn too_large(number: usize) -> Flaw {
 }
 
 /// Returns the error for a face or a strip with a vertex that does not exist. `kind` is "face" or "strip",
-/// and `what` quotes the vertex.
+/// and `what` says which vertex does not exist.
 fn missing(kind: &str, number: usize, what: &str) -> Flaw {
     Flaw::quoting(
         format!("{kind} {number}: {what}"),

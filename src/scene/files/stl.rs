@@ -26,15 +26,15 @@ const TRIANGLE_BYTES: usize = 50;
 /// Number of bytes at the beginning of a file that show whether the file is text. A file is not text if its
 /// first `HEAD_BYTES` bytes contain a zero byte and no word `vertex`.
 const HEAD_BYTES: usize = 1 << 10;
-/// The keys that the program Materialise Magics writes into the header of a binary file, before a colour and a
-/// material for all facets, and the words for them in messages.
+/// Keys in the header of a binary file, each with the word for its value in messages. The program Materialise Magics
+/// writes such a key before the colour or the material of all facets.
 const HEADER_KEYS: [(&str, &str); 2] = [("COLOR=", "colour"), ("MATERIAL=", "material")];
 
 /// The bits of a corner's coordinates, by which corners are sorted.
 type Key = [u64; 3];
 
-/// Memory for a triangle of a binary file while equal corners are joined, in bytes. For each of the three
-/// corners, four values are in memory: the corner as it is in the file, the corner's entry in the sorted
+/// Memory for a triangle of a binary file while equal corners are joined, in bytes. In memory are the triangle
+/// and, for each of its three corners, four values: the corner as it is in the file, the corner's entry in the sorted
 /// list, the index of the corner's position, and this position.
 const JOINING_BYTES: u64 = (3 * (2 * size_of::<DVec3>() + size_of::<Sorted<Key>>() + size_of::<u32>())
     + size_of::<Triangle>()) as u64;
@@ -181,9 +181,9 @@ struct Text {
     is_in_solid: bool,
 }
 
-/// Reads a text file. Only the statements `vertex x y z` are used, three in each facet; normals are only compared with
-/// the corners. Some programs write
-/// several statements into a line, so line ends count only after the name of a solid.
+/// Reads a text file. The mesh consists of the statements `vertex x y z`, three in each facet. Normals are compared
+/// with the corners, but not used otherwise. Some programs write several statements into a line, so line ends count
+/// only after the name of a solid.
 fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let (mut corners, mut normals, mut unknown) = (Vec::new(), Vec::new(), Asked::default());
@@ -486,7 +486,8 @@ mod tests {
         let colour = "unknown keywords of 1 statement are ignored (`color`)";
         assert_eq!(notes("solid a\n", "solid a\ncolor 1 0 0\n"), [colour]);
         assert_eq!(notes("vertex 0 0 0\n", "vertex 0 0 0 color 1 0 0\n"), [colour]);
-        // The numbers after an unknown word belong to this word. Other numbers do not belong to a statement.
+        // The numbers after an unknown word belong to this word. Numbers after a complete statement belong to nothing,
+        // and are counted.
         let stray = |count: &str| format!("{count} after a complete statement are ignored");
         assert_eq!(notes("vertex 0 0 0\n", "vertex 0 0 0 7 8\n"), [stray("2 numbers")]);
         assert_eq!(notes("endloop\n", "1 2 3\nendloop\n"), [stray("3 numbers")]);

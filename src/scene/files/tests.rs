@@ -231,7 +231,8 @@ fn notes_that_quote_nothing_are_added_for_a_file_of_others() {
         super::read(&path, Opened::at(&path).unwrap(), MeshFormat::Ply, permitted).unwrap().notes
     };
     let alpha = "alpha of 1 vertex is not used: every surface is opaque".to_owned();
-    let others = "elements other than the first `vertex`, `face` and `tristrips` are left out";
+    let others =
+        "elements other than `vertex`, `face` and `tristrips`, and second definitions of these, are left out";
     assert_eq!(notes(true), [alpha.clone(), format!("{others} (`secret` 1)")]);
     assert_eq!(notes(false), [alpha, others.to_owned()]);
 }

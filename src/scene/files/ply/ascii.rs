@@ -1,5 +1,5 @@
-//! Reads the elements of an ASCII PLY file, one per line. The crate `ply-rs-bw` is not used here, because it
-//! refuses numbers such as `nan`, `.5` and `5.`, which other programs write.
+//! Reads the elements of an ASCII PLY file, one per line. The reader of the crate `ply-rs-bw` is not used here, because
+//! it refuses numbers such as `nan`, `.5` and `5.`, which some programs write.
 
 use crate::scene::files::flaw::Flaw;
 use crate::scene::obj::{quoted, split_lines};
@@ -10,12 +10,12 @@ use std::str::FromStr;
 pub(super) struct Lines<'a> {
     /// The lines that are not read yet, and their numbers.
     unread: Box<dyn Iterator<Item = (usize, &'a [u8])> + 'a>,
-    /// The number of lines that have more words than properties.
+    /// The number of lines that were read and that have words after the last property.
     longer: usize,
 }
 
 impl<'a> Lines<'a> {
-    /// Returns the lines of the text that begins with the line number `first`.
+    /// Returns the lines of `text`. The number of its first line is `first`.
     pub fn of(text: &'a [u8], first: usize) -> Self {
         let lines = (first..).zip(split_lines(text));
         Self { unread: Box::new(lines.filter(|(_, line)| !is_ignored(line))), longer: 0 }
@@ -37,8 +37,8 @@ impl<'a> Lines<'a> {
         (0..of.count).map(element).collect()
     }
 
-    /// Returns the number of read lines that have more words than properties, and the number of lines that are not
-    /// read yet.
+    /// Returns the number of read lines with words after the last property, and the number of lines that are not read
+    /// yet.
     pub fn ignored(self) -> (usize, usize) {
         (self.longer, self.unread.count())
     }
@@ -50,7 +50,8 @@ fn is_ignored(line: &[u8]) -> bool {
     line.split(u8::is_ascii_whitespace).find(|word| !word.is_empty()).is_none_or(|word| word == b"comment")
 }
 
-/// Reads an element of the type `of` from its line. Also returns true if the line has words after the last property.
+/// Reads an element of the type `of` from its line. The second result is true if the line has words after the last
+/// property.
 fn element<E: PropertyAccess>(of: &ElementDef, line: &[u8]) -> Result<(E, bool), Flaw> {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     let mut element = E::new();
@@ -67,7 +68,7 @@ fn element<E: PropertyAccess>(of: &ElementDef, line: &[u8]) -> Result<(E, bool),
     Ok((element, words.next().is_some()))
 }
 
-/// The expected form of a number of a whole type.
+/// The expected form of a number of an integer type.
 const WHOLE: &str = "a whole number in the range of its type";
 /// The expected form of a number of a floating-point type.
 const DECIMAL: &str = "a decimal number";
@@ -80,8 +81,8 @@ fn scalar<'a>(kind: &ScalarType, words: &mut impl Iterator<Item = &'a [u8]>) -> 
         ScalarType::UShort => Property::UShort(next(words, whole, WHOLE)?),
         ScalarType::Int => Property::Int(next(words, whole, WHOLE)?),
         ScalarType::UInt => Property::UInt(next(words, whole, WHOLE)?),
-        // Numbers of the type `float` are read in double precision, too. Programs write more digits than
-        // single precision has, and a position is rounded only after the mesh was moved.
+        // Numbers of the type `float` are read in double precision, too: some programs write more digits than
+        // single precision has. A mesh far from the origin is moved to the origin before positions are rounded.
         ScalarType::Float | ScalarType::Double => Property::Double(next(words, parsed, DECIMAL)?),
     })
 }

@@ -5,8 +5,9 @@ use crate::scene::files::colours;
 use glam::Vec3;
 use ply_rs_bw::ply::{ElementDef, Property};
 
-/// The names of the colour channels of vertices and faces. Each row of this table has a name for red, green
-/// and blue. An element's colour is read by the names of the first row of which the element has all three.
+/// The names of the colour channels of vertices and faces. Each row of this table has the names of red, green and
+/// blue. If an element has a number with each name of a row, these three numbers are the element's colour. If this is
+/// true of several rows, the first of them counts.
 pub(super) const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 /// The name of the alpha channel that belongs to each row of [`CHANNELS`]. If an element lacks the alpha
@@ -33,8 +34,9 @@ pub(super) fn channels(element: &ElementDef) -> Option<[&'static str; 4]> {
     Some([red, green, blue, alpha])
 }
 
-/// Returns the element's definition with the names of `KNOWN` for the channels of its colour. All other properties
-/// have other names, so that no reader takes a radius `r` for red.
+/// Returns the element's definition, in which the channels of the element's colour have the names in `KNOWN`. No other
+/// property has one of these names, except an `alpha` of an element without a colour. The readers of elements know
+/// only the names in `KNOWN`, so they do not take a radius `r` for red.
 pub(super) fn with_known_channels(element: &ElementDef) -> ElementDef {
     let channels = channels(element);
     let known = |name: String| match channels.and_then(|all| all.iter().position(|own| *own == name)) {
@@ -50,7 +52,8 @@ pub(super) fn with_known_channels(element: &ElementDef) -> ElementDef {
     ElementDef { properties, ..element.clone() }
 }
 
-/// The colour of a vertex or a face, as displayed; each channel is from 0 to 1.
+/// The colour of a vertex or a face, as displayed (sRGB). A channel with full intensity is 1; a file may state
+/// channels outside 0 to 1.
 pub(super) struct Colour {
     channels: Vec3,
     alpha: f32,
@@ -63,7 +66,8 @@ impl Colour {
     }
 
     /// Sets the channel `name` from the value `value` of the property `property`. Returns true if a channel
-    /// has this name. Only elements that were read with [`with_known_channels`] have channels of these names.
+    /// has this name. Channels have the names in [`KNOWN`], so elements with a colour must be read with the definition
+    /// that [`with_known_channels`] returns.
     pub fn set(&mut self, name: &str, property: &Property, value: f64) -> bool {
         let channel = match name {
             "red" => &mut self.channels.x,

@@ -8,7 +8,8 @@ use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
 /// The names by which the components of a vertex's normal are read.
 pub(super) const NORMAL: [&str; 3] = ["nx", "ny", "nz"];
-/// The names of the components of a vertex's normal that some programs write, apart from capitals.
+/// Other names of the components of a vertex's normal, which some programs write. Capital letters in these names do
+/// not matter.
 const OTHER_NORMAL: [&str; 3] = ["normal_x", "normal_y", "normal_z"];
 
 /// Returns the name of a property. Another spelling of a name in [`NORMAL`], such as `NX` or `normal_x`, is replaced by

@@ -197,7 +197,7 @@ mod tests {
         assert_eq!(of(strange), (header.to_owned(), &b"Blender\n"[..], 2));
         let header = "ply\ncomment Blender\nend_header\n".to_owned();
         assert_eq!(of(b"ply\r\nBlender\r\nend_header\r\nBlender\r\n"), (header, &b"Blender\r\n"[..], 1));
-        assert_eq!(of(b"ply\nBlender").0, "ply\ncomment Blender\n", "no header's end");
+        assert_eq!(of(b"ply\nBlender").0, "ply\ncomment Blender\n", "the header has no end");
     }
 
     #[test]

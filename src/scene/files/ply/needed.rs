@@ -13,8 +13,8 @@ use ply_rs_bw::ply::{ElementDef, Header, PropertyDef, PropertyType, ScalarType};
 /// Largest number of properties that a message lists.
 const MOST_LISTED: usize = 8;
 
-/// Returns an error if vertices have no x or y, or if faces or strips have no list of corners. Also returns an error if
-/// the header lacks vertices or faces, but has an element with a similar name.
+/// Returns an error if vertices have no x or y, or if faces or strips have no list of corners. Also returns the error
+/// of [`check_names`].
 pub(super) fn check(header: &Header) -> Result<(), Flaw> {
     check_names(header)?;
     let element = |name: &str| header.elements.get(name).filter(|element| element.count > 0);
@@ -88,7 +88,7 @@ pub(super) fn groups(kind: &str) -> Vec<[&'static str; 3]> {
     }
 }
 
-/// Returns the number of an element's properties in a group of which only some exist; `None` if all or none exist.
+/// Returns how many properties of a group an element has; `None` if it has all or none of them.
 pub(super) fn incomplete(element: &ElementDef, group: &[&str; 3]) -> Option<usize> {
     let count = group.iter().filter(|name| has_number(element, name)).count();
     (1..group.len()).contains(&count).then_some(count)

@@ -570,7 +570,8 @@ fn a_header_without_what_a_mesh_needs_is_refused_by_name() {
 #[test]
 fn properties_of_vertices_of_which_some_are_missing_are_noted() {
     let notes = |from: &str, to: &str| parse("a.ply", SQUARE.replace(from, to).as_bytes()).unwrap().notes;
-    let edges = "elements other than the first `vertex`, `face` and `tristrips` are left out (`edge` 1)";
+    let edges = "elements other than `vertex`, `face` and `tristrips`, and second definitions of these, are left out \
+                 (`edge` 1)";
     let unread = |name: &str| format!("1 property of 4 vertices is not read (`{name}`)");
     assert_eq!(notes("float z", "float w"), ["4 vertices without z: z is 0", &unread("w"), edges]);
     let incomplete =
@@ -617,7 +618,8 @@ fn what_follows_the_last_element_is_noted() {
 fn a_second_type_of_elements_with_the_same_name_is_called_by_this_name() {
     let second = SQUARE.replacen("element edge 1", "element face 1", 1);
     let notes = parse("a.ply", second.as_bytes()).unwrap().notes;
-    let left_out = "elements other than the first `vertex`, `face` and `tristrips` are left out (`face` 1)";
+    let left_out = "elements other than `vertex`, `face` and `tristrips`, and second definitions of these, are left \
+                    out (`face` 1)";
     assert_eq!(notes, [left_out]);
     let error = parse("a.ply", second.replacen("3\n0 1\n", "3\n", 1).as_bytes()).err().unwrap().to_string();
     assert!(error.contains("elements `face`"), "{error}");
