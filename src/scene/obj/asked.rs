@@ -147,7 +147,7 @@ impl Asked {
         self.0.get(&wish).map(Count::list)
     }
 
-    /// Adds the counts of another piece of the file.
+    /// Adds all counts of `other`, such as those of another piece of the file.
     pub fn extend(&mut self, other: &Self) {
         self.join(other, |count| count.total);
     }

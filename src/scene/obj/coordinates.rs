@@ -55,7 +55,7 @@ impl Coordinates {
 pub(super) struct Unread {
     /// Coordinates that are not valid.
     pub odd: Seen,
-    /// Coordinates with a third number that is not 0. Pictures have only two directions.
+    /// Coordinates with a word other than 0 after the second number. Pictures have only two directions.
     pub surplus: Seen,
 }
 

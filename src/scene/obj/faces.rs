@@ -234,9 +234,8 @@ fn read_corners(
 }
 
 /// Appends the corners of a face to `corners` and returns true if the line has the most frequent form: blanks
-/// before each corner, and only positive indices of elements that exist in the file and are valid. Returns
-/// false if the line has another form. In this case, some of the line's corners may have been appended, and the
-/// caller reads the line again with [`corner`].
+/// before each corner, and only corners that [`usual_corner`] accepts. Returns false if the line has another form. In
+/// this case, some of the line's corners may have been appended, and the caller reads the line again with [`corner`].
 fn read_usual_corners(context: &FaceContext, line: &[u8], corners: &mut Vec<Corner>) -> bool {
     let mut rest = line;
     while let Some(text) = after_blanks(rest) {
@@ -248,8 +247,8 @@ fn read_usual_corners(context: &FaceContext, line: &[u8], corners: &mut Vec<Corn
 }
 
 /// Parses `position`, `position/texture`, `position//normal` or `position/texture/normal`; a part after a slash may be
-/// empty. Returns an error if a part is not a whole number, or if the file has no such position. A texture coordinate
-/// or a normal that the file does not have is no error.
+/// empty. Returns an error if a part is not a whole number, if there are more than three parts, or if the file has no
+/// such position. A texture coordinate or a normal that the file does not have is no error.
 fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, String> {
     let mut parts = token.split(|&byte| byte == b'/');
     let first = parts.next().unwrap_or_default();
@@ -286,7 +285,7 @@ fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Res
 
 /// Splits a corner in the form `1`, `1/`, `1/2`, `1//3` or `1/2/3` off the beginning of a text. Returns `None`
 /// if the corner has another form, if one of its indices does not exist in the file, or if its normal is not
-/// valid.
+/// valid. The index of a texture coordinate is not checked if texture coordinates were not read.
 fn usual_corner<'a>(context: &FaceContext, text: &'a [u8]) -> Option<(Corner, &'a [u8])> {
     let index = |number: u32, total: usize| (number as usize <= total).then(|| number - 1);
     let (position, mut rest) = leading_index(text)?;
@@ -355,7 +354,7 @@ fn integer(token: &[u8]) -> Option<i64> {
     Some(if negative { -size } else { size })
 }
 
-/// Returns what all pieces of the file have seen of one kind.
+/// Joins the counts of one kind of irregularity (`of` returns a piece's count) in all pieces of the file.
 fn seen(faces: &[FaceChunk], of: fn(&FaceChunk) -> Seen) -> Seen {
     Seen::of_all(faces.iter().map(of))
 }
@@ -366,7 +365,7 @@ pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: 
     let note = || {
         let have = if partial.count == 1 { "has" } else { "have" };
         format!(
-            "line {}: {} {have} a normal index at some corners only, so their normals are computed from the faces' \
+            "line {}: {} {have} a normal index at some corners only, so normals are computed from the faces' \
              shape; give every corner a normal index, as in `f 1//1 2//1 3//1`",
             source.line(partial.first),
             counted(partial.count, "face")

@@ -56,8 +56,8 @@ pub(in crate::scene) struct Permitted {
     pub beyond: bool,
     /// True if messages may quote the mesh.
     pub quotes: bool,
-    /// True if the mesh may be scaled: if the scene has no scene file and no other objects. All objects of a scene have
-    /// the same unit of length, so one of several objects cannot be scaled alone.
+    /// True if the mesh may be scaled: if the scene consists of a single bare mesh. All objects of a scene have the
+    /// same unit of length, so one of several objects cannot be scaled alone.
     pub scaled: bool,
 }
 
@@ -78,8 +78,8 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
 
 /// Reads a mesh. Returns the mesh or, if it must be read again, the way in which it must be read. A mesh must
 /// be read again if some triangles have coordinates that are valid only if the mesh is scaled. A mesh must
-/// also be read again if vertices that no face uses have influenced its placement (how it is moved and
-/// scaled).
+/// also be read again if its placement (how it is moved and scaled) was influenced by vertices that belong to no
+/// triangle that a ray can hit.
 fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlFlow<MeshFile, Reading>> {
     let chunks = text::chunks(source.text);
     let (points, placement) = read_points(&chunks, reading);
@@ -198,7 +198,7 @@ fn unknown_keywords(points: &[PointChunk]) -> String {
     }
 }
 
-/// Gives triangles the colours of their vertices, if there are any.
+/// Gives triangles the colours of their vertices, if vertices have colours.
 fn paint_vertices(mesh: &mut Mesh, colours: Option<VertexColours>) {
     let Some(colours) = colours else { return };
     // The colour of a vertex is multiplied by the material's colour, so the default material becomes white.
@@ -208,8 +208,8 @@ fn paint_vertices(mesh: &mut Mesh, colours: Option<VertexColours>) {
 
 /// Returns the points of all pieces of the file, and their placement (how they are moved and scaled). If
 /// `reading` has no placement, the placement is computed from the bounding box of all vertices. If a mesh is
-/// far from its origin, or is extremely small or large, the bounding box and the points are read again in
-/// double precision.
+/// far from its origin, or is extremely small or large, the bounding box is computed again and the points are read
+/// again, both in double precision.
 fn read_points(chunks: &[Chunk], reading: &Reading) -> (Vec<PointChunk>, Placement) {
     let read = |reading: &Reading| {
         let mut points: Vec<_> = chunks.par_iter().map(|chunk| points::read(chunk, reading)).collect();
@@ -273,8 +273,8 @@ fn placement_of_used(
     (wanted != placement).then_some(wanted)
 }
 
-/// Returns the texture coordinates of each piece, and adds notes on those that are not valid or have more than two
-/// numbers.
+/// Returns the texture coordinates of each piece. Adds notes on coordinates that are not valid, and on coordinates with
+/// a word other than 0 after the second number.
 fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) -> Vec<Coordinates> {
     let (coordinates, unread): (_, Vec<Unread>) = chunks.par_iter().map(coordinates::read).unzip();
     odd::note_coordinates(Seen::of_all(unread.iter().map(|unread| unread.odd)), source, notes);

@@ -1,5 +1,5 @@
-//! Reads MTL files. raycl checks each line, so that notes can name the line. The crate `tobj` then reads the
-//! checked lines.
+//! Reads MTL files. raycl checks each line, so that notes can name the line. The crate `tobj` then reads the checked
+//! lines with Kd, Ks and Ns.
 
 use super::Permitted;
 use super::asked::Asked;
@@ -40,7 +40,7 @@ pub(super) struct Materials {
 pub(in crate::scene) struct Reach<'a> {
     /// The mesh's folder. Names of files in the mesh are relative to this folder.
     pub folder: &'a Path,
-    /// Permissions to read files outside this folder, and to quote the mesh.
+    /// The permissions for the mesh, such as to read files outside this folder.
     pub permitted: Permitted,
 }
 
@@ -87,7 +87,7 @@ struct Loader {
     files: HashMap<PathBuf, usize>,
     /// The names of the materials of each file.
     names: Vec<Names>,
-    /// The subjects of the notes on files that cannot be loaded.
+    /// The notes on files that cannot be loaded.
     missing: FewNotes,
     /// The files that are perhaps not those that the mesh means.
     namesakes: Namesakes,
@@ -189,7 +189,9 @@ fn several_definitions(names: &BTreeSet<String>, quotes: bool) -> Option<String>
     let shown = if quotes { format!(" ({such_as} {})", quoted(first.as_bytes())) } else { String::new() };
     let have = if names.len() == 1 { "has" } else { "have" };
     let materials = counted(names.len(), "material");
-    Some(format!("{materials} {have} several definitions that differ{shown}: only one of them is used"))
+    Some(format!(
+        "{materials} {have} several definitions that differ{shown}: only one definition per material is used"
+    ))
 }
 
 /// Returns a note on an MTL file that cannot be used because of `reason`.
@@ -241,12 +243,13 @@ impl Reach<'_> {
         words.into_iter().map(str::to_owned).collect()
     }
 
-    /// Returns the first path of a text at which there is a file that the mesh may read.
+    /// Returns the first of the [`possible_paths`] of a text at which there is a file that the mesh may read.
     fn existing<'t>(&self, text: &'t str) -> Option<&'t str> {
         possible_paths(text).find(|path| self.locate(path).is_ok())
     }
 
-    /// Returns true if the name `name` is that of another file than `used`, even if the mesh may not read this file.
+    /// Returns true if there is a file with the name `name`, and if this file is not the file `used`. The result does
+    /// not depend on whether the mesh may read the file.
     pub(super) fn is_another_file(&self, name: &str, used: &str) -> bool {
         let file = |name: &str| self.path(name).canonicalize().ok().filter(|path| path.is_file());
         file(name).is_some_and(|path| file(used) != Some(path))
@@ -273,8 +276,8 @@ impl Reach<'_> {
 
     /// Adds a picture to [`INPUTS`]. Also adds the missing files that raycl would read instead of this picture if they
     /// existed. `names` are the possible names of the picture. Commands thus do not replace a file that the mesh names,
-    /// even if raycl does not read it, such as a picture of normals. Commands do not write such a file if it is missing
-    /// either: the next command could not replace it.
+    /// even if raycl does not read it, such as a picture of normals. Nor do commands create such a file if it is
+    /// missing, since the next command could not replace it.
     pub(in crate::scene) fn keep(&self, mut names: impl Iterator<Item = String>) {
         // The file is not read, so nobody needs to know whether it can be read.
         let _ = names.any(|name| self.locate(&name).is_ok());
@@ -376,7 +379,7 @@ impl Materials {
         Ok(names)
     }
 
-    /// Returns true if two materials differ in anything but the lines of the file that define them.
+    /// Returns true if two materials differ in anything but their places in MTL files.
     fn differ(&self, a: u32, b: u32) -> bool {
         let [a, b] = [a as usize, b as usize];
         self.list[a] != self.list[b]
@@ -426,11 +429,11 @@ struct Extras {
     values: HashMap<String, String>,
 }
 
-/// The keyword and the value of a line; `None` if raycl does not use the line.
+/// The keyword and the value of a line; `None` if the line has no value that raycl uses.
 type Read = std::result::Result<Option<(String, String)>, Unfit>;
 
 impl Extras {
-    /// Reads a line. Returns its keyword and value if raycl uses it.
+    /// Reads a line. Returns the line's keyword and value if raycl uses this value.
     fn read(&mut self, line: usize, keyword: &[u8], rest: &[u8]) -> Read {
         let is = |key: &str| keyword.eq_ignore_ascii_case(key.as_bytes());
         let map = |key| Map::of_line(key, rest).map(|map| (line, map));
@@ -453,7 +456,7 @@ impl Extras {
 }
 
 impl Checked {
-    /// Reads a line. Returns its keyword and value if raycl uses it.
+    /// Reads a line. Returns the line's keyword and value if raycl uses this value.
     fn read(&mut self, line: usize, name: &[u8], rest: &[u8]) -> Read {
         let mut plain = |key: &str, numbers: &[f32]| {
             let value = numbers.iter().map(f32::to_string).collect::<Vec<_>>().join(" ");
@@ -463,8 +466,9 @@ impl Checked {
         match name {
             b"newmtl" => {
                 // The name is not given to `tobj`, which refuses the empty name that some exporters write, and
-                // removes Unicode blanks around a name. `usemtl` keeps such blanks, which may be a part of a
-                // letter: a name that is not UTF-8 is decoded as Latin-1.
+                // removes Unicode blanks around a name. Names after `usemtl` keep such blanks, so names after
+                // `newmtl` must keep them, too. (A name that is not UTF-8 is decoded as Latin-1. A byte of a letter
+                // may then become a Unicode blank.)
                 self.plain += "newmtl m\n";
                 self.extras.push(Extras { name: words(rest), ..Extras::default() });
                 Ok(None)
@@ -503,8 +507,8 @@ impl Checked {
     }
 }
 
-/// Checks the lines of an MTL file, and converts those that raycl uses to a form that `tobj` accepts.
-/// `tobj` refuses an empty `map_Kd`, a single grey value, a comment within a line, and Latin-1 text.
+/// Checks the lines of an MTL file, and converts those with newmtl, Kd, Ks and Ns to a form that `tobj` accepts.
+/// `tobj` refuses a single grey value, a comment within a line, and Latin-1 text.
 fn check(text: &[u8]) -> Checked {
     let mut checked = Checked::default();
     for (number, (offset, line)) in (1..).zip(Chunk::whole(text).lines()) {
@@ -526,7 +530,8 @@ fn check(text: &[u8]) -> Checked {
     checked
 }
 
-/// Converts a material: Kd is k_L, Ks is k_G and Ns is s. Without Ks, the material has no highlight.
+/// Converts a material: Kd is k_L, Ks is k_G, and Ns is the highlight's exponent s. Without Ks, the material has no
+/// highlight.
 fn convert(material: &tobj::Material) -> Material {
     let lambertian = material.diffuse.map_or(Vec3::splat(DEFAULT_LAMBERTIAN), Vec3::from_array);
     let glossy = material.specular.map_or(Vec3::ZERO, Vec3::from_array);

@@ -395,8 +395,10 @@ fn materials_with_several_definitions_that_differ_are_counted() {
         notes.retain(|note| note.contains("several definitions"));
         notes
     };
-    let one = "1 material has several definitions that differ (material `a`): only one of them is used";
-    let two = "2 materials have several definitions that differ (for example material `a`): only one of them is used";
+    let one = "1 material has several definitions that differ (material `a`): only one definition per \
+               material is used";
+    let two = "2 materials have several definitions that differ (for example material `a`): only one \
+               definition per material is used";
     let cases: [(&str, &[&str]); 8] = [
         ("newmtl a\nKd 1\nnewmtl a\nKd 0\n", &[one]),
         ("newmtl a\nKd 1\nnewmtl a\nKd 1.0\n", &[]),
