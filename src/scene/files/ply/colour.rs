@@ -35,8 +35,8 @@ pub(super) fn channels(element: &ElementDef) -> Option<[&'static str; 4]> {
 }
 
 /// Returns the element's definition, in which the channels of the element's colour have the names in `KNOWN`. No other
-/// property has one of these names, except an `alpha` of an element without a colour. The readers of elements know
-/// only the names in `KNOWN`, so they do not take a radius `r` for red.
+/// property has one of these names, except an `alpha` of an element without a colour. [`Colour::set`] knows
+/// only these names, so it does not take a radius `r` for red.
 pub(super) fn with_known_channels(element: &ElementDef) -> ElementDef {
     let channels = channels(element);
     let known = |name: String| match channels.and_then(|all| all.iter().position(|own| *own == name)) {
