@@ -169,8 +169,8 @@ impl<'a> Numbers<'a> {
         Ok(values)
     }
 
-    /// Returns `count` elements of zeros for an accessor without a buffer view, and thus without data (glTF
-    /// 2.0, 3.6.2.3). If the accessor is sparse, some of the returned zeros are replaced later.
+    /// Returns `count` elements of zeros for an accessor without a buffer view (glTF 2.0, 3.6.2.3). If the accessor is
+    /// sparse, some of the returned zeros are replaced later.
     fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
         if count > self.most {
             return Err(format!("{} elements without data, more than raycl accepts", accessor.count.0));

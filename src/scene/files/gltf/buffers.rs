@@ -15,14 +15,14 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// The remedy for a file that cannot be read although a buffer names it.
+/// The remedy if raycl cannot read a file that a buffer names.
 const FILES: &str = "put the files that a glTF file names into the folder of the glTF file, or export everything as one .glb file";
 
 /// The bytes of a buffer. Buffers that name the same file share its bytes.
 pub(super) type Bytes<'a> = Rc<Cow<'a, [u8]>>;
 
-/// Returns the bytes of all buffers, in the file's order. `binary` has the bytes of the first buffer if the
-/// file is a binary one.
+/// Returns the bytes of all buffers, in the file's order. `binary` is the binary part of the glTF file, if there is
+/// one: the bytes of the first buffer, unless the first buffer has a URI.
 pub(super) fn load<'a>(
     root: &Root,
     reach: Reach<'_>,
@@ -38,8 +38,8 @@ pub(super) fn load<'a>(
                 .map_err(|flaw| flaw.within(&format!("buffer {number}")))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
-                // Every buffer that is empty although the file states a length above 0 is refused here, because
-                // such a buffer would not be noticed later if no accessor uses it.
+                // A buffer that is empty although the file states a length above 0 is refused here, even if no
+                // accessor uses it. A buffer that is merely too short is refused later, if an accessor needs more.
                 0 if expected > 0 => {
                     Err(format!("buffer {number} is empty; expected {expected} bytes").into())
                 }
@@ -129,8 +129,7 @@ fn file(path: &Path) -> Parsed<Vec<u8>> {
 }
 
 /// Decodes a `data:` URI, which consists of a media type, `;base64,` and the data. The media type is not
-/// checked. The text of an error continues a message that begins with the name of the buffer or picture that
-/// has the URI.
+/// checked. The text of an error lacks its subject: the caller puts a name or "it" before this text.
 pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
     let text = data.split_once(";base64,").ok_or("is a data: URI without base64")?.1;
     let either = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);

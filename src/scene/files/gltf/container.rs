@@ -13,12 +13,12 @@ const HEADER_BYTES: usize = 12;
 /// Number of bytes before a chunk's contents: their length and the chunk's type.
 const CHUNK_HEADER_BYTES: usize = 8;
 
-/// The JSON and, if the file is binary and contains a buffer, the bytes of its first buffer.
+/// The JSON and, if the file is binary and has a chunk of the type `BIN`, the contents of the first such chunk.
 pub(super) type Halves<'a> = (&'a [u8], Option<Cow<'a, [u8]>>);
 
-/// Separates the JSON from the first buffer. Chunks of other types are skipped, as glTF 2.0, 4.4.3 requires.
-/// The length in the file's header is not used: each chunk states its own length, and must end within the
-/// file.
+/// Separates the JSON from the first chunk of the type `BIN`. Chunks of other types are skipped, as glTF 2.0, 4.4.3
+/// requires. The length in the file's header is not used, because each chunk states its own length. Returns an error
+/// if a chunk, up to the first one of the type `BIN`, does not end within the file.
 pub(super) fn split<'a>(named: Named<'_>, bytes: &'a [u8]) -> Result<Halves<'a>> {
     if !bytes.starts_with(MAGIC) {
         return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None));
@@ -36,8 +36,9 @@ pub(super) fn split<'a>(named: Named<'_>, bytes: &'a [u8]) -> Result<Halves<'a>>
     Ok((json.contents, buffer(bytes, rest).map_err(what)?.map(Cow::Borrowed)))
 }
 
-/// Returns notes on the parts of a binary file that are not used: the length in its header, if this is not the length of
-/// the file, and the chunks beside the first chunk, which is the JSON, and the first chunk of the type `BIN`.
+/// Returns notes on the parts of a binary file that are not used: a length in the header that differs from the file's
+/// length, a damaged end, and surplus chunks. raycl uses the first chunk (the JSON) and the first chunk of the type
+/// `BIN`; all other chunks are surplus.
 pub(super) fn notes(bytes: &[u8]) -> impl Iterator<Item = String> + use<> {
     let surplus = if bytes.starts_with(MAGIC) { Surplus::of(bytes) } else { Surplus::default() };
     let Surplus { json, binary, others, damage } = surplus;

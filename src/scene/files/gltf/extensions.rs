@@ -13,8 +13,8 @@ use std::collections::BTreeSet;
 /// uses them.
 const KNOWN: [&str; 4] =
     ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
-/// Beginnings of the names of more known extensions: other modules write notes on extensions with such names.
-/// Extensions with such names concern only surfaces.
+/// Beginnings of the names of more known extensions, which concern only surfaces. Other modules support these
+/// extensions or write notes on what the picture lacks.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
 /// An extension that gives a surface several materials to choose from. This extension does not count as
 /// known, although its name begins with `KHR_materials_`, because no other module writes a note on it.
@@ -65,9 +65,9 @@ fn is_compressed(root: &Root, primitive: &Primitive) -> bool {
     compressed && positions.is_none_or(|index| is_empty(root, *index))
 }
 
-/// Returns notes on unsupported extensions, except those on which other modules write notes. An extension is noted even
-/// if the file does not list it, but a part of the file has it. The notes contain the names of the extensions only if
-/// `quotes` is true.
+/// Returns notes on unsupported extensions, except those on which other modules write notes. The notes concern the
+/// extensions that the file lists, and those that a part of the file has without being listed. The notes contain the
+/// names of the extensions only if `quotes` is true.
 pub(super) fn notes(root: &Root, survey: &Survey, quotes: bool) -> impl Iterator<Item = String> {
     let needed = root.extensions_required.iter().filter(|name| !is_known(name));
     let used: BTreeSet<_> = root.extensions_used.iter().chain(&survey.extensions).collect();

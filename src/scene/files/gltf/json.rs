@@ -1,4 +1,5 @@
-//! Reads the JSON of a glTF file. Parts of the JSON that raycl does not use need not be valid glTF.
+//! Reads the JSON of a glTF file. raycl does not use names, `extras` and the contents of animations, so these need not
+//! be valid glTF.
 
 use super::{Flaw, Named, Result, quoted};
 use crate::error::Error;
@@ -11,9 +12,9 @@ pub(super) struct Read {
     pub animations: usize,
 }
 
-/// Reads JSON. If the crate `gltf-json` refuses the JSON, the JSON is read again without the parts that raycl
-/// does not use. `gltf-json` refuses some valid files: files with animations without a node
-/// (`KHR_animation_pointer`), with scenes without nodes, or with extras that are single numbers.
+/// Reads JSON. If the crate `gltf-json` refuses the JSON, the JSON is read again without animations, names and
+/// `extras`. `gltf-json` refuses some valid files, such as files with animations without a node
+/// (`KHR_animation_pointer`), with scenes without nodes, or with `extras` that are single numbers.
 pub(super) fn read(named: Named<'_>, json: &[u8]) -> Result<Read> {
     match serde_json::from_slice::<Root>(json) {
         Ok(root) => Ok(Read { animations: root.animations.len(), root }),
@@ -36,8 +37,8 @@ fn is_version_2(version: &str) -> bool {
     version == "2" || version.starts_with("2.")
 }
 
-/// Reads the JSON without the parts that raycl does not use. Adds empty `nodes` and `attributes` where they
-/// are missing, because `gltf-json` demands them. Returns `None` if the resulting JSON is not valid glTF 2.0.
+/// Reads the JSON without animations, names and `extras`, which raycl does not use. Adds empty `nodes` and `attributes`
+/// where they are missing, because `gltf-json` demands them. Returns `None` if `gltf-json` refuses the resulting JSON.
 fn tidied(json: &[u8]) -> Option<Read> {
     let mut value: Value = serde_json::from_slice(json).ok()?;
     let version = &value["asset"]["version"];
@@ -103,7 +104,7 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
     let version = value.and_then(|value| match &value["asset"]["version"] {
         Value::String(text) => Some(text.clone()),
         Value::Number(number) => Some(number.to_string()),
-        // In glTF 1.0, a file need not state its version, and has tables where glTF 2.0 has lists.
+        // In glTF 1.0, a file need not state its version, and has objects where glTF 2.0 has lists.
         _ => value["meshes"].is_object().then(|| "1.0".to_owned()),
     });
     match version {
@@ -120,7 +121,7 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
             let what = message.rsplit_once(" at line ").map_or(message.as_str(), |(what, _)| what);
             let invalid = "not valid glTF 2.0";
             let flaw = |what: &str| Flaw::quoting(format!("{invalid}: {what}"), invalid).at(error.line());
-            // In valid JSON, only a list can go on where `gltf-json` expects its end.
+            // If the JSON is valid, this message means that a list goes on where `gltf-json` expects the list's end.
             named.error(match what {
                 "trailing characters" if is_json => {
                     flaw("a list has more numbers than glTF allows").with_remedy(SHORTEN)

@@ -30,7 +30,7 @@ pub(super) struct LeftOut {
     pub odd_views: usize,
     /// The number of cameras whose transform leaves no viewing direction.
     pub flat_cameras: usize,
-    /// The number of cameras whose znear is not finite or below 0.
+    /// The number of cameras whose znear is below 0 or not finite.
     pub odd_nears: usize,
     /// The number of nodes with a camera that are not in the shown scene.
     pub other_cameras: usize,
@@ -38,7 +38,7 @@ pub(super) struct LeftOut {
     /// The number of lights without a known type.
     pub odd_lights: usize,
     pub ranges: usize,
-    /// The number of lights that illuminate nothing.
+    /// The number of lights whose intensity times colour is 0.
     pub dark: usize,
     /// The number of directional lights whose transform leaves no direction.
     pub flat_lights: usize,
@@ -78,7 +78,7 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Adds the counts of the primitive (a part of a mesh) `part`, which do not depend on its skin.
+    /// Adds those counts of the primitive `part` (a part of a mesh) that do not depend on its skin.
     pub fn add(&mut self, part: &Part) {
         self.odd_coordinates += part.odd_coordinates;
         self.empty.extend(&part.empty);
@@ -87,7 +87,7 @@ impl LeftOut {
         self.spare += part.spare;
     }
 
-    /// Adds the counts of the primitive (a part of a mesh) `part` that depend on its skin.
+    /// Adds those counts of the primitive `part` (a part of a mesh) that depend on its skin.
     pub fn add_skinned(&mut self, part: &Part) {
         self.odd_influences += part.odd_vertices.influences;
         self.odd_sums += part.odd_vertices.sums;
@@ -119,10 +119,10 @@ impl LeftOut {
         notes_on(self.seen().into_iter().chain(self.skinned()).chain(self.primitives()))
     }
 
-    /// Returns the counts of meshes without a place, cameras and lights.
+    /// Returns the counts of cameras, of lights, and of meshes that no node of the scene places.
     fn seen(&self) -> [Counted; 13] {
         [
-            (self.unplaced, "mesh that no node places", "shown without a transform"),
+            (self.unplaced, "mesh that no node of the scene places", "shown without a transform"),
             (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
             (self.odd_cameras, "camera of an unknown type or without the values of its type", "not used"),
             (
@@ -136,7 +136,7 @@ impl LeftOut {
                 "left out: the scales of nodes must not be 0",
             ),
             (self.odd_nears, "camera with a znear that is not a number, 0 or more", "used with a znear of 0"),
-            (self.other_cameras, "camera outside the shown scene", "not used"),
+            (self.other_cameras, "camera without a place in the shown scene", "not used"),
             (
                 self.odd_lights,
                 "light of an unknown type",
@@ -144,13 +144,13 @@ impl LeftOut {
             ),
             (self.spots, "spot light", "shown as shining in all directions"),
             (self.ranges, "light with a range", "shown without it"),
-            (self.dark, "light of intensity 0", "left out"),
+            (self.dark, "light with an intensity or colour of 0", "left out"),
             (
                 self.flat_lights,
                 "directional light without a direction",
                 "shown as shining along -y: the scales of nodes must not be 0",
             ),
-            (self.other_lights, "light outside the shown scene", "not used"),
+            (self.other_lights, "light without a place in the shown scene", "not used"),
         ]
     }
 
@@ -208,8 +208,8 @@ impl LeftOut {
     }
 }
 
-/// Returns a note that states which of several scenes is shown, or that the default scene does not exist.
-/// Returns `None` if the file has no other scene than the shown one.
+/// Returns a note on which scene is shown, if the file has several scenes or if its default scene does not exist.
+/// Returns `None` otherwise.
 pub(super) fn other_scenes(root: &Root) -> Option<String> {
     let shown = match root.scene {
         Some(scene) if scene.value() >= root.scenes.len() => {

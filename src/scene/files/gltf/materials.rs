@@ -46,8 +46,8 @@ fn has_colours(primitive: &Primitive) -> bool {
     primitive.attributes.contains_key(&Checked::Valid(Semantic::Colors(0)))
 }
 
-/// raycl does not blend a surface with the surfaces behind it. If a material asks for blending, points with
-/// at least this alpha are opaque, and all other points are holes.
+/// raycl does not blend a surface with the surfaces behind it. If a material asks for blending, points with at least
+/// this alpha are opaque, and all other points are holes. If all points would be holes, see [`least_alpha`].
 const BLENDED: f32 = 0.5;
 
 /// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.
@@ -88,9 +88,9 @@ fn stated_alpha(wire: &Wire) -> f32 {
     older.map_or(wire.pbr_metallic_roughness.base_color_factor.0[3], of)
 }
 
-/// Returns true if every point of the surface would be a hole, whatever its texture is. Every point is a hole
-/// if the factor of alpha is 0 or less than the cutoff. raycl draws such a surface without holes, unless it
-/// is blended and its factor is above 0 (see [`least_alpha`]).
+/// Returns true if the factor of alpha is 0 or less than the cutoff. If the factor is less than the cutoff, every point
+/// of the surface would be a hole, whatever its texture is. raycl draws such a surface without holes, unless it is
+/// blended and its factor is above 0 (see [`least_alpha`]).
 fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
@@ -113,7 +113,7 @@ fn stated_colour(wire: &Wire) -> (&'static str, Vec3) {
 
 /// Returns the emitted light, in units of the radiance that the default display shows as white: the emissive
 /// factor, with channels from 0 to 1, times the strength that the extension KHR_materials_emissive_strength
-/// states.
+/// states. The strength is 1 without this extension, and at most `MAX_EMITTED`.
 fn emitted(wire: &Wire) -> Vec3 {
     let factor = Vec3::from_array(wire.emissive_factor.0).clamp(Vec3::ZERO, Vec3::ONE);
     factor * stated_strength(wire).clamp(0.0, MAX_EMITTED)

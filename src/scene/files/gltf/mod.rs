@@ -1,6 +1,6 @@
 //! Reads glTF 2.0: a JSON file with separate or embedded buffers, or one binary file. The crate `gltf-json`
-//! reads the JSON. This module checks every index in the JSON, and that buffers contain the bytes that the
-//! JSON names.
+//! reads the JSON. This module checks each index of the JSON before it uses the index, and checks that the buffers
+//! contain the bytes that it reads.
 
 mod accessors;
 mod buffers;
@@ -29,8 +29,8 @@ use nodes::Walk;
 use survey::Survey;
 use textures::Files;
 
-/// A result whose error is a message about a mistake in the file. The message does not quote a file that must
-/// not be quoted.
+/// A result whose error is a message about a mistake in the file. The message quotes the file only if messages may
+/// quote the file.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// Reads the glTF file `bytes`, and the files that it names. `name` is the file's name in messages, and

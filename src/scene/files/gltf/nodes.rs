@@ -148,7 +148,7 @@ impl<'a> Walk<'a> {
             let joints = skin.and_then(|index| self.skins.get(&index.value()));
             match Part::read(&self.numbers, primitive, map.map(|map| map.set), joints.is_some())? {
                 Some(part) => {
-                    // Positions are checked before the transform. After the transform, they would no longer have
+                    // Positions that are not finite are reported before the transform, because the error shows
                     // the file's numbers.
                     if let Some(position) = part.positions.iter().find(|position| !position.is_finite()) {
                         return Err(invalid(position));
@@ -230,7 +230,7 @@ impl<'a> Walk<'a> {
         coarse
     }
 
-    /// Returns the mesh in single precision, with the first camera and all lights of the file.
+    /// Returns the mesh in single precision, with the first camera and the lights of the scene.
     /// `note_materials` adds notes on the materials of the mesh.
     pub fn settled(
         self,

@@ -45,7 +45,7 @@ pub(super) struct Part {
     pub spare: usize,
     /// Number of texture coordinates that are not finite.
     pub odd_coordinates: usize,
-    /// Vertices with odd joints or weights.
+    /// The numbers of vertices whose joints or weights are not as glTF demands.
     pub odd_vertices: OddVertices,
     /// Number of sets of joints without weights, and of sets of weights without joints, of a part with a skin.
     pub unpaired: usize,
@@ -61,8 +61,8 @@ pub(super) struct Sizes {
     pub positions: u64,
 }
 
-/// The accessors of a primitive that raycl reads. A field is `None` if the primitive does not have this
-/// accessor.
+/// The accessors of a primitive that raycl reads. A field is `None` if the primitive does not have this accessor, or if
+/// raycl does not need it.
 struct Used {
     positions: Option<Index<Accessor>>,
     normals: Option<Index<Accessor>>,
@@ -102,7 +102,7 @@ impl Used {
         single.into_iter().flatten().chain(self.influences.iter().flatten().copied())
     }
 
-    /// Returns those of these accessors that store nothing.
+    /// Returns the indices of the accessors in `self` that store nothing.
     fn empty(&self, numbers: &Numbers<'_>) -> Vec<usize> {
         self.all().filter(|index| numbers.is_empty(*index)).map(|index| index.value()).collect()
     }
@@ -111,8 +111,8 @@ impl Used {
 impl Part {
     /// Reads a primitive. `set` is the index of the set of texture coordinates that the texture of the primitive's
     /// material uses. Joints are read if `is_skinned` is true. Returns `None` for lines, points and a primitive without
-    /// positions. Returns an error if the primitive has normals, colours, texture coordinates or joints, but not one for each
-    /// position.
+    /// positions. Returns an error if a list of normals, colours, texture coordinates, joints or weights that is read
+    /// does not have one element per position.
     pub fn read(
         numbers: &Numbers<'_>,
         primitive: &Primitive,

@@ -13,7 +13,8 @@ use std::collections::{BTreeSet, HashMap};
 /// A skin whose joints have the transforms that the file's nodes have without animations.
 pub(super) struct Skin {
     /// For each joint, the transform from the mesh's coordinates to the scene's coordinates: the product of the joint's
-    /// transform and its inverse bind matrix. `None` if there is no such matrix, or if the product is not finite.
+    /// transform and its inverse bind matrix. `None` if the skin's list of these matrices is too short for this joint,
+    /// or if the product is not finite. If the skin has no such list, the matrices are the identity.
     joints: Vec<Option<DMat4>>,
     /// The first of these transforms that is not `None`.
     first: DMat4,
@@ -29,7 +30,7 @@ pub(super) struct Influences {
 /// The sum of a vertex's weights differs from 1 by at most this if the weights were rounded to 8 bits.
 const ROUNDED: f64 = 0.02;
 
-/// The numbers of a part's vertices with odd joints or weights.
+/// The numbers of a part's vertices whose joints or weights are not as glTF demands.
 #[derive(Default)]
 pub(super) struct OddVertices {
     /// The number of vertices with joints or weights that are not valid.
@@ -149,7 +150,8 @@ impl Skin {
             }
         }
         for corners in triangles {
-            // The corners of a triangle between two joints may disagree, so the majority of them decides.
+            // Different joints may place the corners of a triangle, so that only some of the corners are mirrored. The
+            // majority of the corners decides.
             if corners.iter().filter(|corner| is_mirrored[**corner as usize]).count() > 1 {
                 corners.swap(1, 2);
             }
@@ -157,9 +159,10 @@ impl Skin {
         odd
     }
 
-    /// Returns the mean of the transforms of a vertex's joints, weighted by the joints' weights. Joints that do not exist
-    /// or have no transform, and weights that are negative or not finite, do not count. If nothing remains, the result
-    /// is the transform of the skin's first valid joint. The vertex is counted in `odd` if it is odd.
+    /// Returns the mean of the transforms of a vertex's joints, weighted by the joints' weights. Joints that do not
+    /// exist or have no transform, and weights that are negative or not finite, do not count. If no joint with a weight
+    /// above 0 remains, the result is the transform of the skin's first valid joint. The vertex is counted in `odd` if
+    /// its joints or weights are not as glTF demands.
     fn blended(&self, sets: &[Influences], vertex: usize, odd: &mut OddVertices) -> DMat4 {
         let (mut sum, mut total, mut is_odd) = (DMat4::ZERO, 0.0, false);
         for (joint, weight) in sets.iter().flat_map(|set| set.of(vertex)).filter(|(_, weight)| *weight != 0.0)

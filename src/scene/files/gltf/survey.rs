@@ -23,7 +23,7 @@ const MOST_LISTED: usize = 8;
 const SKIPPED: [&str; 9] =
     ["extras", "uri", "children", "matrix", "max", "min", "rotation", "scale", "translation"];
 
-/// The names that the JSON contains.
+/// What raycl found in the JSON.
 #[derive(Default)]
 pub(super) struct Survey {
     /// The names of the extensions that parts of the file have.
@@ -80,7 +80,8 @@ enum Keys {
 }
 
 impl Keys {
-    /// Returns the meaning of the keys of the value under `key`, if that is an object, or of the objects in a list.
+    /// Returns the meaning of the keys of an inner object: of the value under `key` or, if `key` is `None`, of an
+    /// element of a list.
     fn below(self, key: Option<&str>) -> Self {
         match (self, key) {
             (Self::Extensions, _) => Self::OfExtension,

@@ -344,7 +344,10 @@ fn lights_of_intensity_0_are_left_out_and_noted() {
 "extensions": {"KHR_lights_punctual": {"light": 0}},"#;
     let text = triangle().replacen("{", lights, 1).replace(r#""scenes": [{"nodes": [0]}],"#, "");
     let file = read(&text.replace(r#"{"mesh": 0,"#, dark)).unwrap();
-    assert_eq!((file.lights.len(), file.notes), (0, vec!["2 lights of intensity 0 are left out".to_owned()]));
+    assert_eq!(
+        (file.lights.len(), file.notes),
+        (0, vec!["2 lights with an intensity or colour of 0 are left out".to_owned()])
+    );
 }
 
 #[test]
@@ -524,7 +527,7 @@ fn meshes_that_no_node_places_are_shown_and_other_scenes_noted() {
     let library = triangle().replace(r#""nodes": [0]"#, r#""name": "empty""#);
     let file = read(&library).unwrap();
     assert_eq!(corners(&file.mesh), [Vec3::ZERO, Vec3::X, Vec3::Y]);
-    assert_eq!(file.notes, ["1 mesh that no node places is shown without a transform"]);
+    assert_eq!(file.notes, ["1 mesh that no node of the scene places is shown without a transform"]);
     let scenes = triangle().replace(r#""scenes": ["#, r#""scene": 1, "scenes": [{"nodes": []}, "#);
     let notes = read(&scenes).unwrap().notes;
     assert_eq!(
@@ -759,7 +762,7 @@ fn a_camera_outside_the_shown_scene_is_noted() {
     let text = triangle().replacen('{', camera, 1).replace("[0, 0, 5]}", r#"[0, 0, 5]}, {"camera": 0}"#);
     let file = read(&text).unwrap();
     assert!(file.camera.is_none());
-    assert_eq!(file.notes, ["1 camera outside the shown scene is not used"]);
+    assert_eq!(file.notes, ["1 camera without a place in the shown scene is not used"]);
     let shown = read(&text.replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)).unwrap();
     assert!(shown.camera.is_some() && shown.notes.is_empty(), "{:?}", shown.notes);
 }

@@ -65,7 +65,8 @@ pub(super) struct Files<'a> {
 }
 
 impl Files<'_> {
-    /// Makes sure that commands write to no file of a picture, used or not ([`Reach::keep`]).
+    /// Makes sure that no command writes to a picture's file that the JSON names, even if raycl does not use the
+    /// picture ([`Reach::keep`]).
     pub fn keep_pictures(self) {
         self.root.images.iter().for_each(|image| self.reach.keep(file_name(image).into_iter()));
     }
@@ -225,8 +226,8 @@ pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     }
 }
 
-/// Returns the texture of a material's emitted light; `None` if there is none, or if it is placed differently
-/// from the colour texture.
+/// Returns the texture of a material's emitted light; `None` if there is none, if the material emits no light, or if
+/// the texture is placed differently from the colour texture.
 fn emissive_texture(root: &Root, wire: &Wire) -> Option<Info> {
     wire.emissive_texture.clone().filter(|_| emits(wire) && !emissive_is_apart(root, wire))
 }
@@ -268,7 +269,7 @@ fn transform(info: &Info) -> (DAffine2, u32) {
         DVec2::new(value(0), value(1))
     };
     let rotation = named["rotation"].as_f64().unwrap_or(0.0);
-    // The angle is negated: glTF's rotation is counter-clockwise if v grows upwards, but v grows downwards.
+    // The angle is negated: glTF's rotation is counter-clockwise as seen in the picture, where v grows downwards.
     let transform =
         DAffine2::from_scale_angle_translation(pair("scale", 1.0), -rotation, pair("offset", 0.0));
     let set = named["texCoord"].as_u64().and_then(|set| u32::try_from(set).ok());

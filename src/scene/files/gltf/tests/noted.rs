@@ -64,7 +64,7 @@ fn a_light_without_a_direction_and_one_outside_the_scene_are_noted() {
     let outside = triangle()
         .replacen('{', &format!("{{{LIGHT}, "), 1)
         .replace("[0, 0, 5]}", &format!("[0, 0, 5]}}, {{{NAMED}}}"));
-    assert_noted(&outside, &["1 light outside the shown scene is not used"]);
+    assert_noted(&outside, &["1 light without a place in the shown scene is not used"]);
 }
 
 #[test]
