@@ -9,8 +9,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Channels of colours are rounded to this many steps (8 bits, as in most files), so that triangles of almost
-/// equal colour share a material.
+/// The displayed channels of a triangle's colour are rounded to this many steps (8 bits, as in most files), so that
+/// triangles of almost equal colour share a material. Colours of corners have finer steps ([`packed`]).
 const STEPS: f32 = 255.0;
 
 /// Converts a displayed channel (sRGB, IEC 61966-2-1) to linear light.
@@ -24,8 +24,8 @@ fn displayed(linear: f32) -> f32 {
 }
 
 /// Gives the triangles the colours of their corners, by which the colours of their materials are multiplied.
-/// `colours` has one linear colour per position. If each triangle's corners have equal colours, each triangle
-/// gets a material of this colour instead, which takes less memory.
+/// `colours` has one linear colour per position. If the three corners of each triangle have the same colour, the
+/// triangles get new materials instead, as in [`paint_triangles`]. Materials take less memory than colours of corners.
 pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     let words: Vec<u32> =
         colours.par_iter().with_min_len(PARALLEL_TRIANGLES).map(|colour| packed(*colour)).collect();

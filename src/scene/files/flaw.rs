@@ -1,5 +1,5 @@
-//! Mistakes in mesh files, and the errors that report these mistakes. A scene file may name a mesh in another
-//! folder. This mesh may belong to somebody else, so errors must not quote it.
+//! Mistakes in mesh files, and the errors that report these mistakes. A scene file may name a mesh outside the scene
+//! file's folder. This mesh may belong to somebody else, so errors must not quote it.
 
 use crate::error::Error;
 
@@ -7,7 +7,7 @@ use crate::error::Error;
 const EXPORT: &str = "the file may be cut off or damaged; export it again, or convert it to OBJ";
 /// The remedy if the error must not quote the mesh file.
 const OUTSIDE: &str = "the mesh's text is not shown, since the mesh is outside the folder of the file that names it; \
-     `raycl render FILE` shows the mistake";
+     `raycl render MESH` shows the mistake";
 
 /// A mistake in a mesh file.
 #[derive(Clone, Debug)]
@@ -65,7 +65,8 @@ pub(super) struct Named<'a> {
 }
 
 impl Named<'_> {
-    /// Returns the error that reports a mistake: its location and description, but no excerpt of the file.
+    /// Returns the error that reports a mistake: its location and its description. The description quotes the file only
+    /// if `quotes` is true.
     pub fn error(&self, flaw: impl Into<Flaw>) -> Error {
         let Flaw { line, what, unquoted, remedy } = flaw.into();
         let location = line.map_or_else(|| self.name.to_owned(), |line| format!("{}:{line}", self.name));

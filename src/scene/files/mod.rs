@@ -1,4 +1,5 @@
-//! Reads mesh files: OBJ, PLY, STL and glTF. The contents of a file show its format.
+//! Reads mesh files: OBJ, PLY, STL and glTF. The contents of a file determine its format; if they do not show the
+//! format, the file's extension decides.
 
 mod colours;
 mod flaw;
@@ -46,8 +47,9 @@ pub(in crate::scene) struct MeshFile {
     /// How the mesh was moved and scaled, in double precision, before its positions were rounded to single
     /// precision.
     pub placement: Placement,
-    /// For a glTF file: the index of the first triangle of each node with a mesh, except the first such node.
-    /// Empty for other files.
+    /// For a glTF file: the index of the first triangle of each node with a mesh, except the first such node. If no
+    /// node has a mesh, the list has the index of the first triangle of each mesh, except the first mesh. Empty for
+    /// other files.
     pub more_starts: Vec<u32>,
     /// The first usable camera of the file, moved and scaled like the mesh; `None` if there is none.
     pub camera: Option<Camera>,
@@ -96,8 +98,8 @@ pub(in crate::scene) fn format(opened: &Opened, path: &Path) -> Option<MeshForma
 }
 
 /// Reads a mesh and the files that it names. The named files must be in the mesh's folder, unless files elsewhere are
-/// permitted. Equal positions may be joined ([`joined`]). Adds notes if normals are zero, and if no triangle has an area.
-/// Returns an error if the mesh has no triangles, or if reading it needs more memory than is available.
+/// permitted. Equal positions may be joined ([`joined`]). Adds notes if normals are zero, and if no triangle has an
+/// area. Returns an error if the mesh has no triangles, or if reading it needs more memory than is available.
 pub(in crate::scene) fn read(
     path: &Path,
     opened: Opened,

@@ -8,9 +8,8 @@ use crate::scene::mesh::{Triangle, are_apart};
 use crate::scene::validate::MAX_COORDINATE;
 use glam::{DVec3, Vec3};
 
-/// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. At a
-/// distance of this many radii, four of the 24 significant bits of a coordinate (f32) are the same for all
-/// points of the mesh.
+/// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. At this
+/// distance, coordinates in single precision are 16 times as coarse as they would be at a distance of one radius.
 const FAR_RADII: f64 = 16.0;
 /// A mesh with a smaller radius than this is scaled, because products of its lengths could underflow. A
 /// ray-triangle test multiplies up to four lengths. If the edges of a mesh are a thousandth of this radius,
@@ -48,9 +47,9 @@ impl Placement {
         Self { origin: origin_of(centre, radius), scale: scale_of(radius) }
     }
 
-    /// Returns the identity if the bounds, which are rounded to single precision, show that the mesh need not
-    /// be moved or scaled. Returns `None` if the rounded bounds do not show that the mesh need not be moved
-    /// or scaled: the placement must then be computed from the bounds in double precision.
+    /// Returns the identity if the bounds, although they are rounded to single precision, show that the mesh is neither
+    /// far away nor of extreme size. Otherwise returns `None`: the placement must then be computed from the bounds in
+    /// double precision.
     pub fn of_rounded(low: Vec3, high: Vec3) -> Option<Self> {
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
         let radius = length(high - low) / 2.0;
@@ -79,9 +78,8 @@ impl Placement {
         Camera { position: self.apply(position).as_vec3(), z_near, ..*camera }
     }
 
-    /// Returns notes that tell the user how the mesh was moved and scaled; no notes if it was neither moved
-    /// nor scaled. The notes are for a bare mesh: raycl undoes the scaling of a mesh of a scene with several meshes or
-    /// with a scene file.
+    /// Returns notes that tell the user how the mesh was moved and scaled; no notes if it was neither moved nor scaled.
+    /// The notes are for a bare mesh: if a scene has several meshes or a scene file, raycl undoes the scaling.
     pub fn notes(&self) -> Vec<String> {
         // Without an exponent, the smallest numbers would have hundreds of digits.
         let shown = |value: f64| {
@@ -191,7 +189,7 @@ fn check(positions: &[DVec3], triangles: &[Triangle]) -> Result<(), Flaw> {
     Err(invalid(&format!("vertex {vertex}"), &positions[vertex]))
 }
 
-/// Returns the mistake of a position that is not valid. `vertex` names the vertex at this position as the file's
+/// Returns the mistake that a position is not valid. `vertex` names the vertex at this position as the file's
 /// author knows it.
 pub(super) fn invalid(vertex: &str, position: &DVec3) -> Flaw {
     let expected = format!("expected finite coordinates within +-{MAX_COORDINATE:e}");
