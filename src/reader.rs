@@ -1,5 +1,5 @@
-//! Opens the files that users name. Only ordinary files are read, and only up to a limit that depends on the
-//! kind of file.
+//! Opens the files that users name, and files that raycl has written. Only ordinary files are read. For most kinds
+//! of files, a file with more bytes than a limit is an error.
 
 #[cfg(unix)]
 use rayon::prelude::*;
@@ -44,7 +44,7 @@ pub enum Kind {
     Shown,
 }
 
-/// For each purpose, its name in messages, and the size in MiB of the largest file that is read. `None` means that this
+/// For each purpose, what messages call the file, and the size in MiB of the largest file that is read. `None` means that this
 /// module does not limit the size. `docs/scenes.md` and `docs/reliability.md` state the same limits.
 const LIMITS_MIB: [(Kind, &str, Option<u64>); 10] = [
     (Kind::Toml, "a TOML file", Some(16)),
@@ -120,12 +120,12 @@ pub fn utf8(bytes: Vec<u8>) -> Result<String> {
 #[derive(Debug, thiserror::Error)]
 #[error("line {line} is not UTF-8 text")]
 pub struct NotUtf8 {
-    /// The first line, counted from 1, that is not UTF-8.
+    /// The number, counted from 1, of the first line that is not UTF-8.
     pub line: usize,
 }
 
 impl NotUtf8 {
-    /// Returns the first line that is not UTF-8, if such a line caused `error`.
+    /// Returns the number of the first line that is not UTF-8, if such a line caused `error`.
     pub fn line_of(error: &Error) -> Option<usize> {
         error.get_ref()?.downcast_ref::<Self>().map(|error| error.line)
     }

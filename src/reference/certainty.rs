@@ -314,10 +314,10 @@ fn off_plane(caster: &Caster<'_, f64>, ray: &Ray<f64>, hit: &Hit<f64>) -> [DVec3
     [off, -off]
 }
 
-/// Returns a ray whose hit is where `ray` meets the plane of the triangle if rounding moves this plane by `off`. A ray
-/// that meets a large triangle at a small angle slides far along the triangle: so far that the light's distance and
-/// direction change noticeably. The returned ray starts elsewhere on the line of `ray`: at the distance `hit.t`
-/// before the moved hit.
+/// Returns a ray with the direction of `ray`. At the distance `hit.t`, the returned ray reaches the point where `ray`
+/// meets the plane of the triangle if rounding moves this plane by `off`. This point is the moved hit. On a large
+/// triangle that a ray meets at a small angle, the hit moves far along the triangle: so far that the light's distance
+/// and direction change noticeably. The returned ray starts on the line of `ray`, but not where `ray` starts.
 fn slid(ray: &Ray<f64>, hit: &Hit<f64>, off: DVec3) -> Ray<f64> {
     let along = off.length_squared() / off.dot(ray.direction);
     // If the ray sees the plane edge-on, its hit on the moved plane may lie behind the eye or at infinity.
@@ -426,8 +426,8 @@ mod tests {
         };
         // The linear values of the palette's two colours are 0.014 and 1. At the edge between the two
         // colours, a shift by 4e-7 of the palette's 1024 texels adds or removes 4e-4 of the difference of
-        // these values. At 511.51 texels from the palette's left edge, one hundredth of the filtered colour
-        // comes from the white texel.
+        // these values. At 511.51 texels from the palette's left edge, the white texel has a weight of one
+        // hundredth in the filtered colour.
         let expected = 4e-7 * 1024.0 * (1.0 - 0.014) / (0.014 * 0.99 + 0.01);
         let [edge, inside] = [change(511.51), change(600.5)];
         assert!((edge / expected - 1.0).abs() < 0.1, "{edge}, expected {expected}");

@@ -5,9 +5,9 @@ use std::collections::VecDeque;
 
 /// Lines with more characters than this number are broken if possible.
 const WIDEST: usize = 120;
-/// If a bracket opens at this column or further left, the next lines of its contents are aligned with the
-/// bracket. If a bracket opens further right than this column, the next lines of its contents are indented by
-/// four columns more than the statement.
+/// If the contents of a round bracket begin at this column or further left, the next lines of the contents begin
+/// at the same column. Otherwise, the next lines of the contents are indented by four columns more than the
+/// statement.
 const FURTHEST: usize = 80;
 
 /// Joins a line with the following lines until all round brackets are closed. Macros have shifted the
@@ -122,8 +122,8 @@ fn length(tokens: &[Token]) -> usize {
     tokens.iter().map(|token| token.text.chars().count()).sum()
 }
 
-/// Breaks a statement into as many lines as necessary, so that no line is too long. A line stays too long if it has no
-/// position at which it may be broken.
+/// Breaks a statement into as many lines as necessary, so that no line is too long. A line stays too long if it
+/// may not be broken at any position within its first [`WIDEST`] columns.
 fn fitted(indent: &str, statement: Vec<Token>) -> Vec<String> {
     let is_long = indent.chars().count() + length(&statement) > WIDEST;
     let brace = statement.iter().position(|token| token.is("{"));
@@ -177,11 +177,12 @@ struct LineBreak {
     depth: usize,
 }
 
-/// Returns where to break a line; `None` if the whole line fits or cannot be broken. Considers all positions
-/// at which the part of the line before the position fits. Of the positions that are inside the fewest
-/// brackets, returns the last one. `open` contains the columns of brackets that were opened on earlier lines
-/// and are still open. `further` is the column at which the next line starts if no open bracket is near
-/// enough to the left margin.
+/// Returns where to break a line. Considers all positions that allow a break and before which the line fits. Of
+/// the positions that are inside the fewest brackets, returns the last one. Returns `None` if the whole line
+/// fits, or if there is no such position. `open` has an element for each bracket that was opened on an earlier
+/// line and is still open: the column at which the next lines of the bracket's contents begin. `further` is the
+/// column at which the next line starts if no bracket is open at the break, or if the contents of the innermost
+/// open bracket begin further right than [`FURTHEST`].
 fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<LineBreak> {
     if margin + length(tokens) <= WIDEST {
         return None;

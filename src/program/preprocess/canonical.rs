@@ -1,5 +1,5 @@
-//! Converts preprocessed source texts to a canonical form, in which texts that mean the same to a compiler
-//! are equal.
+//! Converts preprocessed source texts to a canonical form, without differences that a compiler ignores, such as
+//! comments and layout.
 
 use super::token::{Kind, Token, code, lex, words_of_pragma};
 

@@ -6,11 +6,12 @@ use super::token::{Kind, Token};
 use super::value::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The compiler's answers that raycl knows, and the questions that conditions still have for the compiler.
+/// What conditions ask about the compiler, such as whether it defines a macro: the answers that raycl knows, and
+/// the questions without an answer.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Compiler {
-    /// The compiler's answer to each question. A question is the name of a macro whose value a condition uses,
-    /// `defined(NAME)` or `__has_builtin(NAME)`.
+    /// The compiler's answer to each question. A question is `defined(NAME)`, `__has_builtin(NAME)`, or the name
+    /// of a macro whose value a condition uses.
     pub given: BTreeMap<String, Value>,
     /// The questions that neither the text nor `given` answers. The preprocessor takes 0 as the answer to each of
     /// them.

@@ -27,8 +27,9 @@ struct Expander<'a> {
     macros: &'a Macros,
     input: VecDeque<Token>,
     output: Vec<Token>,
-    /// Number of open round brackets in the output. Line breaks within brackets become blanks. If the whole
-    /// expansion of a macro is to be in one line, `depth` starts at 1 instead of 0, as if within brackets.
+    /// Number of open round brackets in the output. Within brackets, the line breaks of a macro's body become
+    /// blanks. If the whole expansion of a macro is to be in one line, `depth` starts at 1 instead of 0, as if
+    /// within brackets.
     depth: usize,
 }
 
@@ -102,8 +103,9 @@ impl Expander<'_> {
         Ok(())
     }
 
-    /// Returns the expanded body of a macro without parameters if this body consists of numbers and operators
-    /// only; otherwise returns `None`. If the result is `None`, remembers that the macro is not constant.
+    /// Returns the expanded body of a macro without parameters if the macro is a constant, that is, if this body
+    /// consists of at least one number and perhaps operators, and of nothing else. Otherwise, returns `None` and
+    /// remembers that the macro is not a constant. Also returns `None` if the macro has parameters.
     fn constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let name =
             hidden.last().filter(|name| called.parameters.is_none() && self.macros.may_be_constant(name))?;
@@ -155,8 +157,8 @@ impl Expander<'_> {
         }
     }
 
-    /// Adds a token to the output. If a compiler would read the token and the previous token as one token,
-    /// adds a blank between them.
+    /// Adds a token to the output. If a compiler would read this token and the previous token differently
+    /// without a space between them, adds a blank first.
     fn push(&mut self, token: Token) {
         if token.is("(") {
             self.depth += 1;
@@ -202,7 +204,10 @@ impl Expander<'_> {
                 argument.push(in_one_line(token));
             }
         }
-        Err((call.line, format!("the call of {} is not closed before the next directive", call.text)))
+        Err((
+            call.line,
+            format!("the call of {} is not closed before the next directive or the file's end", call.text),
+        ))
     }
 }
 

@@ -85,8 +85,8 @@ impl Layout {
         self.0.push(Row { line, what });
     }
 
-    /// Returns the lines, without comments on removed directives, and without unneeded empty lines: two in a row, at
-    /// the beginning of a file's lines, or at the end of the text.
+    /// Returns the lines, without comments on removed directives, and without unneeded empty lines. An empty line is
+    /// unneeded after another empty line, at the beginning of a file's lines, and at the end of the text.
     pub fn lines(self) -> Vec<Line> {
         let rows = without_orphans(self.0);
         let mut lines: Vec<Line> = Vec::new();
@@ -104,7 +104,8 @@ impl Layout {
 }
 
 /// Removes each comment that is followed only by directives and comments, up to the next empty line or to the end of
-/// the file's lines. Such a comment describes definitions that the preprocessor has removed.
+/// the file's lines, if the last of them is a directive. Such a comment describes definitions that the preprocessor
+/// has removed.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
     let mut remaining = Vec::new();
     // True if all rows between the loop's current row and the next empty line are directives, or comments

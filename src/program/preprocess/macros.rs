@@ -9,14 +9,15 @@ use std::collections::{HashMap, HashSet};
 pub(super) struct Macro {
     /// The macro's parameters; `None` if the macro is object-like, that is, used without brackets.
     pub parameters: Option<Vec<String>>,
-    /// The macro's body, without comments, with single blanks between tokens, and with a [`Kind::Break`] at
-    /// the beginning of every line except the first.
+    /// The macro's body, without comments, with a single blank in place of each run of blanks, and with a
+    /// [`Kind::Break`] at the beginning of every line except the first.
     pub body: Vec<Token>,
 }
 
 /// The largest number of tokens that all macro expansions of a program together may make. The program with
-/// the most expansions in `cl/` makes some thousands of tokens. Each token has a list of the macros from
-/// which it came. For each expansion, its tokens are counted and, once, the macros in the list of these tokens.
+/// the most expansions in `cl/` makes some thousands of tokens. All tokens of an expansion
+/// get the same list: the macros from which the expansion came. An expansion counts as the number of its tokens
+/// plus the number of macros in this list.
 const MOST_TOKENS: usize = 500_000;
 /// The largest depth to which macro expansions may be nested. Each nested expansion takes space on the
 /// thread's stack.
@@ -26,9 +27,9 @@ const MOST_NESTED: usize = 100;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Macros {
     defined: HashMap<String, Macro>,
-    /// The names of macros without parameters that are known to expand to more than numbers and operators.
-    /// Without this set of names, the time to expand a chain of macros, in which each macro uses the next,
-    /// would double with every macro of the chain.
+    /// The names of macros without parameters that are known not to be constants. A constant expands to at least
+    /// one number and perhaps operators, and to nothing else. Without this set of names, the time to expand a
+    /// chain of macros, in which each macro uses the next, would double with every macro of the chain.
     not_constant: RefCell<HashSet<String>>,
     /// The number of tokens that macro expansions have made so far.
     made: Cell<usize>,
@@ -41,12 +42,12 @@ impl Macros {
         self.defined.get(name)
     }
 
-    /// Returns `false` if the macro of this name is known to expand to more than numbers and operators.
+    /// Returns `false` if the macro of this name is known not to be a constant.
     pub fn may_be_constant(&self, name: &str) -> bool {
         !self.not_constant.borrow().contains(name)
     }
 
-    /// Remembers that the macro of this name expands to more than numbers and operators.
+    /// Remembers that the macro of this name is not a constant.
     pub fn is_not_constant(&self, name: &str) {
         self.not_constant.borrow_mut().insert(name.to_owned());
     }

@@ -3,8 +3,8 @@
 //!
 //! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps what helps a reader: comments on
 //! the remaining code, indentation, each line's file and number, and the lines of a multi-line macro. If a
-//! constant replaces a macro, the macro's name follows as a comment. This preprocessor supports only what
-//! raycl's kernels use: all directives of C99 except `#include`, and macros with a fixed number of arguments.
+//! constant replaces a macro, the macro's name follows as a comment. This preprocessor supports all
+//! directives of C99 except `#include`, and macros with a fixed number of arguments; raycl's kernels need no more.
 //! Before preprocessing, `source.rs` replaces each `#include` by the file's text.
 
 mod breaking;
@@ -39,8 +39,8 @@ use token::{Kind, Token, lex};
 pub struct Preprocessed {
     /// The lines that remain after preprocessing.
     pub lines: Vec<Line>,
-    /// The questions of conditions that neither the text nor the caller answers: a macro's name, `defined(NAME)` or
-    /// `__has_builtin(NAME)`. The preprocessor has taken 0 as the answer. A caller can ask the compiler, and
+    /// The questions of conditions that neither the text nor the caller answers: `defined(NAME)`,
+    /// `__has_builtin(NAME)`, or the name of a macro whose value a condition uses. The preprocessor has taken 0 as the answer. A caller can ask the compiler, and
     /// preprocess the text again with the compiler's answers.
     pub asked: Vec<String>,
     /// The files named by `#line`, in order, except files that are named only in branches that are not
@@ -70,8 +70,8 @@ fn subject(asked: &str) -> &str {
 /// questions of conditions ([`Preprocessed::asked`]). The compiler's own macros are expanded only in conditions, such
 /// as `#if`.
 ///
-/// Mistakes in the text are user errors: an `#error` that is reached, an unknown directive, an invalid condition, an
-/// `#if` without `#endif`, and a wrong definition or use of a macro.
+/// Mistakes in the text are reported as errors of the user, such as an `#error` that is reached, an unknown directive,
+/// an invalid condition, an `#if` without `#endif`, and a wrong definition or use of a macro.
 pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, Value>) -> Result<Preprocessed> {
     let mut run = Preprocessor::new(given);
     for option in defines(options) {

@@ -142,8 +142,8 @@ fn declared(code: &[Token]) -> Vec<String> {
     outer.windows(2).filter_map(named).collect()
 }
 
-/// Returns an item's tokens outside brackets, with the brackets themselves. Leaves out the values of variables, whose
-/// names the item uses and does not declare.
+/// Returns an item's tokens outside brackets, with the brackets themselves. Leaves out the values of variables, because
+/// the item only uses the names in these values, and does not declare them.
 fn outer(code: &[Token]) -> Vec<&Token> {
     let (mut outer, mut depth, mut is_value) = (Vec::new(), 0, false);
     for token in code {
@@ -161,7 +161,7 @@ fn outer(code: &[Token]) -> Vec<&Token> {
     outer
 }
 
-/// Returns the names of all items that the kernels use, directly or indirectly. Items without a name, such as pragmas,
+/// Returns the kernels' names, and all names that the kernels use, directly or indirectly. Items without a name, such as pragmas,
 /// are always needed, so the names that they use are needed too.
 fn needed(items: &[Item], kernels: &[&str]) -> HashSet<String> {
     let mut needed: HashSet<String> = kernels.iter().map(|&name| name.to_owned()).collect();

@@ -50,7 +50,8 @@ impl Token {
         self.kind == Kind::Symbol && self.text == symbol
     }
 
-    /// Returns true if the compiler does not ignore the token: the token is not a blank, line end or comment.
+    /// Returns true if the token is a name, a number, a literal or a symbol. A compiler ignores all other tokens,
+    /// except that a line end is the end of a directive.
     pub fn is_code(&self) -> bool {
         matches!(self.kind, Kind::Name | Kind::Number | Kind::Literal | Kind::Symbol)
     }

@@ -30,12 +30,13 @@ impl Value {
         self.bits != 0
     }
 
-    /// Returns this value, in the type that it has as one of two operands: unsigned if one of them is unsigned.
+    /// Returns this value in the common type of two operands, `self` and `other`: unsigned if one of the operands is
+    /// unsigned.
     pub(super) fn beside(self, other: Self) -> Self {
         Self { is_unsigned: self.is_unsigned || other.is_unsigned, ..self }
     }
 
-    /// Returns the value of this value after one of C's unary operators `!`, `-`, `~` and `+`.
+    /// Returns the result of one of C's unary operators `!`, `-`, `~` and `+` for this value.
     pub(super) fn after(self, operator: &str) -> Self {
         match operator {
             "!" => (!self.is_true()).into(),
@@ -45,7 +46,7 @@ impl Value {
         }
     }
 
-    /// Returns the value of one of C's binary operators between this value and `right`; `None` for a division by zero.
+    /// Returns the result of one of C's binary operators for this value and `right`; `None` for a division by zero.
     pub(super) fn then(self, operator: &str, right: Self) -> Option<Self> {
         let (a, b) = (self.beside(right).wide(), right.beside(self).wide());
         let bits = match operator {

@@ -43,7 +43,8 @@ impl Asked<'_> {
         let highlights = shade(&glossy, &lights, (ray, 0.0), &Hit { triangle: 0, ..*hit }, reaches);
         let error = HIGHLIGHT_ERROR * f64::from(material.shininess);
         let radiance = self.caster.shaded(&self.seen, ray, Some(hit), reaches);
-        // A relative error e of the cosine multiplies its power by (1 + e)^s, which is nearly exp(e s).
+        // With s = `shininess`, a relative error e of the cosine multiplies the highlight by (1 + e)^s, which is
+        // nearly exp(e s).
         [error, -error].into_iter().for_each(|error| sample.consider(radiance + highlights * error.exp_m1()));
     }
 }
