@@ -44,8 +44,8 @@ pub enum Kind {
     Shown,
 }
 
-/// For each purpose, what messages call the file, and the size in MiB of the largest file that is read. `None` means that this
-/// module does not limit the size. `docs/scenes.md` and `docs/reliability.md` state the same limits.
+/// For each purpose, what messages call the file, and the size in MiB of the largest file that is read. `None` means
+/// that this module does not limit the size. `docs/scenes.md` and `docs/reliability.md` state the same limits.
 const LIMITS_MIB: [(Kind, &str, Option<u64>); 10] = [
     (Kind::Toml, "a TOML file", Some(16)),
     (Kind::Materials, "an MTL file", Some(16)),

@@ -1,5 +1,6 @@
 //! Preprocesses a kernel's source as its compiler would: decides the conditions, expands the macros, and
-//! removes all directives except `#pragma`. Code without macro calls stays unchanged.
+//! removes all directives except `#pragma`. A line of code without macro calls stays unchanged, unless it
+//! continues a statement in which a macro was expanded.
 //!
 //! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps what helps a reader: comments on
 //! the remaining code, indentation, each line's file and number, and the lines of a multi-line macro. If a
@@ -40,8 +41,8 @@ pub struct Preprocessed {
     /// The lines that remain after preprocessing.
     pub lines: Vec<Line>,
     /// The questions of conditions that neither the text nor the caller answers: `defined(NAME)`,
-    /// `__has_builtin(NAME)`, or the name of a macro whose value a condition uses. The preprocessor has taken 0 as the answer. A caller can ask the compiler, and
-    /// preprocess the text again with the compiler's answers.
+    /// `__has_builtin(NAME)`, or the name of a macro whose value a condition uses. The preprocessor has taken 0 as the
+    /// answer. A caller can ask the compiler, and preprocess the text again with the compiler's answers.
     pub asked: Vec<String>,
     /// The files named by `#line`, in order, except files that are named only in branches that are not
     /// compiled.

@@ -161,8 +161,8 @@ fn outer(code: &[Token]) -> Vec<&Token> {
     outer
 }
 
-/// Returns the kernels' names, and all names that the kernels use, directly or indirectly. Items without a name, such as pragmas,
-/// are always needed, so the names that they use are needed too.
+/// Returns the kernels' names, and all names that the kernels use, directly or indirectly. Items without
+/// a name, such as pragmas, are always needed, so the names that they use are needed too.
 fn needed(items: &[Item], kernels: &[&str]) -> HashSet<String> {
     let mut needed: HashSet<String> = kernels.iter().map(|&name| name.to_owned()).collect();
     loop {
