@@ -33,8 +33,9 @@ const ROUNDING: f64 = 6e-8;
 const RIVAL: f64 = 1e-6;
 /// How far rounding may move a hit off its triangle's plane, as a fraction of the largest of three distances of
 /// the hit: from the eye, from the scene's origin, and from the farthest corner of its triangle. For a thin
-/// triangle, the move may be larger (see [`Caster::off_plane`]). For grazing light, a move off the plane may decide whether a shadow ray starts above or below the triangle. Nudges (small
-/// turns) of the pixel's ray do not reveal a move off the plane.
+/// triangle, the move may be larger (see [`Caster::off_plane`]). For grazing light, a move off the plane may decide
+/// whether a shadow ray starts above or below the triangle. Nudges (small turns) of the pixel's ray do not reveal a
+/// move off the plane.
 const OFF_PLANE: f64 = 1e-6;
 
 /// The angle by which the direction to the sky is nudged: at most twice the angle by which rounding may turn this
