@@ -7,7 +7,7 @@ use super::textures::paths;
 use crate::words::counted;
 use std::collections::BTreeMap;
 
-/// The files that are not used, and for each the name of the file that is used instead.
+/// The names of files that may be meant but are not used. After each name is the name of the file that is used instead.
 #[derive(Default)]
 pub(super) struct Namesakes(BTreeMap<String, String>);
 

@@ -1,7 +1,7 @@
-//! Vertices, normals and texture coordinates that are not valid: a number is missing, not finite or out of
-//! range. For example, programs write vertices with NaN for points that were not measured. A vertex that is
-//! not valid is a mistake only if a face uses the vertex. A normal or a texture coordinate that is not valid
-//! counts as missing.
+//! Vertices, normals and texture coordinates that are not valid, because a number is missing, not finite or out
+//! of range. For example, some programs write vertices with NaN for points that were not measured. A vertex
+//! that is not valid is a mistake only if a face uses the vertex. A normal or a texture coordinate that is not
+//! valid counts as missing.
 
 use super::coordinates::mistake_in_coordinate;
 use super::faces::Start;
@@ -11,7 +11,7 @@ use crate::scene::Mesh;
 use crate::words::counted_are;
 use glam::Vec3;
 
-/// A vertex or a normal that is not valid.
+/// A vertex or a normal that is not valid, or a vertex with only two coordinates.
 #[derive(Clone, Copy)]
 pub(super) struct Odd {
     /// The index of the vertex or the normal within a piece of the file. In the results of [`vertices`] and

@@ -1,6 +1,6 @@
-//! The first pass over an OBJ file: reads vertices and normals, the names of materials, and unsupported
-//! statements. Vertices and normals that are not valid are recorded; they are refused only later, and only if
-//! a face uses them ([`super::odd`]).
+//! The first pass over an OBJ file: reads vertices and normals, and the names of MTL files, materials and
+//! smoothing groups, and counts unsupported statements. This pass only records vertices and normals that are
+//! not valid. A later step refuses the file if a face uses a vertex that is not valid ([`super::odd`]).
 
 use super::asked::Asked;
 use super::odd::Odd;
@@ -52,7 +52,8 @@ impl Reading {
         !self.is_large && self.placement.is_none_or(|placement| placement == Placement::IDENTITY)
     }
 
-    /// Reads a position that is neither moved nor scaled, if the line has its usual form.
+    /// Reads a position in the most frequent form (see [`usual_vector`]). Returns `None` if `rest` has another
+    /// form, if positions are moved or scaled, or if large coordinates are valid.
     fn usual_position(&self, rest: &[u8]) -> Option<Vec3> {
         if self.is_unchanged() { usual_vector(rest).map(Vec3::from_array) } else { None }
     }
@@ -84,7 +85,8 @@ impl Reading {
         }
     }
 
-    /// Reads a number in single precision. A large number becomes infinite if it is valid, and `None` otherwise.
+    /// Reads a number in single precision. A number that is too large for single precision becomes infinite if
+    /// coordinates of this size are valid, and `None` otherwise.
     fn number(&self, token: &[u8]) -> Option<f32> {
         match self.is_large {
             true => decimal(token).filter(|value| self.is_valid(*value)).map(|value| value as f32),
@@ -93,7 +95,7 @@ impl Reading {
     }
 }
 
-/// The contents of a piece of the file, except its faces.
+/// The contents of a piece of the file, except its faces and texture coordinates.
 #[derive(Default)]
 pub(super) struct PointChunk {
     pub positions: Vec<Vec3>,
@@ -115,7 +117,7 @@ pub(super) struct PointChunk {
     pub surplus: Seen,
     /// The smoothing group of the last `s` line of the piece; `None` if there is no `s` line.
     pub last_smoothing: Option<String>,
-    /// The vertices with only two coordinates.
+    /// The vertices with exactly two coordinates, if both coordinates are valid.
     pub flat: Vec<Odd>,
     /// The vertices that are not valid. In `positions`, the coordinates of vertices that are not valid are
     /// NaN.
@@ -269,9 +271,10 @@ pub(super) fn note_surplus(chunks: &[PointChunk], source: &Source, notes: &mut V
     notes.extend(source.note_on_lines("line ", surplus, what));
 }
 
-/// Returns the error for a vertex that is not valid. `scaled` is true if the mesh may be scaled: the limit of its
-/// coordinates is then [`LARGEST`]. But a mesh is not scaled for a vertex that no face uses. If such a vertex would be
-/// valid in a scaled mesh, it exceeds the usual limit, and the error names this limit.
+/// Returns the error for a vertex that is not valid. `scaled` is true if the mesh may be scaled. The error then names
+/// the limit [`LARGEST`], with one exception: a vertex that exceeds `MAX_COORDINATE`, but not [`LARGEST`]. Such a
+/// vertex is valid if a face uses it, since raycl then scales the mesh. If no face uses it, the error names
+/// `MAX_COORDINATE`.
 pub(super) fn mistake_in_vertex(offset: usize, rest: &[u8], scaled: bool) -> Mistake {
     let reading = if scaled && !is_large(rest) { Reading::LARGE } else { Reading::USUAL };
     let flat = |_| Mistake::new(offset, "a vertex with 2 numbers; expected three: x y z");

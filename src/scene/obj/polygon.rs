@@ -1,15 +1,16 @@
-//! Divides polygons into triangles. A polygon that is convex, apart from rounding errors, becomes a fan of
-//! triangles; any other polygon is divided by ear clipping.
+//! Divides polygons into triangles. A convex polygon becomes a fan of triangles, and so does a polygon of many
+//! corners that only rounding errors make concave. Any other polygon is divided by ear clipping, or refused if
+//! it has too many corners.
 
 use glam::{DVec2, DVec3};
 
-/// Ear clipping takes quadratic time: up to two seconds for this many corners. Concave faces with more
-/// corners are refused.
+/// Ear clipping takes quadratic time: up to two seconds for this many corners. A concave face with more corners
+/// is refused, unless only rounding errors make it concave.
 pub(in crate::scene) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
 /// An outline with more corners than this is divided into a fan even if it is concave, provided that only
-/// rounding errors make it concave. A concave outline with fewer corners is divided by ear clipping, which is
-/// then fast and reverses no triangle.
+/// rounding errors make it concave. A concave outline with at most this many corners is divided by ear clipping,
+/// which is then fast and reverses no triangle.
 const MANY_CORNERS: usize = 1_024;
 
 /// The largest width of a seam (see [`has_sound_fan`]), as a fraction of the outline's size.
@@ -30,8 +31,8 @@ pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>
     Some(divide(&corners)?.into_iter().map(|triangle| triangle.map(|i| kept[i])).collect())
 }
 
-/// Divides an outline as [`triangulate`] does, but requires that no corner repeats the corner before it. The
-/// angle at a repeated corner is unknown, so a concave corner that is repeated would look straight.
+/// Divides an outline as [`triangulate`] does, but does not leave out corners that repeat the corner before
+/// them. The angle at a repeated corner is unknown, so a concave corner that is repeated looks straight.
 fn divide(outline: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     let flat = flatten(outline);
     if is_convex(&flat) || (flat.len() > MANY_CORNERS && has_sound_fan(&flat)) {
@@ -40,10 +41,11 @@ fn divide(outline: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     (outline.len() <= MAX_CONCAVE_CORNERS).then(|| clip_ears(&in_single_precision(&flat)))
 }
 
-/// Returns the positions relative to the first corner, rounded to single precision. Ear clipping needs the
-/// signs of areas that agree with each other. The rounding errors of [`area`] are far smaller than the areas
-/// of triangles between rounded corners. The areas of corners in full double precision that lie on a line are
-/// as small as these errors, so their signs would be arbitrary.
+/// Returns the positions relative to the first corner, rounded to single precision. In ear clipping, the signs
+/// of the areas of different triangles must not contradict each other. Unless a triangle between rounded
+/// corners has no area, its area is far larger than the rounding errors of [`area`]. If the corners were not
+/// rounded, a triangle of three corners on a line could have an area as small as these errors, so the area's
+/// sign would be arbitrary.
 fn in_single_precision(flat: &[DVec2]) -> Vec<DVec2> {
     flat.iter().map(|corner| (*corner - flat[0]).as_vec2().as_dvec2()).collect()
 }
@@ -83,7 +85,7 @@ fn is_convex(flat: &[DVec2]) -> bool {
 
 /// Returns true if a fan covers an outline once, except for overlaps that rounding explains. Positions are
 /// rounded to single precision. In a circle of very many corners, the angles are so flat that rounding makes
-/// some corners concave. If corners are concave, some triangles of the fan are reversed. Twice the total area
+/// some corners concave. If corners are concave, triangles of the fan may be reversed. Twice the total area
 /// of the reversed triangles may be at most the area of a seam, a narrow strip along the outline. The seam's
 /// width is four times the largest rounding error of a coordinate. The seam's width is limited to a fraction
 /// of the outline's size ([`WIDEST_SEAM`]), because an outline in double precision may be small and far from

@@ -1,5 +1,6 @@
-//! Smoothing groups: by lines `s`, a file says which faces are smooth together. raycl does not use these groups; a
-//! note counts the triangles that are therefore smooth.
+//! Smoothing groups: the lines `s` of a file say which faces are smooth together. raycl does not use these groups, but
+//! makes all faces without normals smooth, up to the crease angle. If the groups ask for a sharp edge, a note counts
+//! the triangles without normals after the first line `s`.
 
 use super::text::{tokens, words};
 use crate::words::counted_are;
@@ -15,7 +16,8 @@ pub(super) struct Smoothing {
     group: String,
     /// The number of triangles without normals in the current group since its line `s` or the piece's beginning.
     recent: usize,
-    /// The number of triangles without normals in each other group that has such triangles.
+    /// For each group, the number of its triangles without normals; triangles in `recent` are not included. Groups
+    /// without such triangles are left out.
     triangles: BTreeMap<String, usize>,
 }
 
@@ -40,7 +42,7 @@ impl Smoothing {
     }
 }
 
-/// Returns the name of the group in a line `s`; `off` if the line has no name, `0` or `off`.
+/// Returns the name of the group in a line `s`; `off` if the line has no name, or the name `0` or `off`.
 pub(super) fn group(rest: &[u8]) -> String {
     match tokens(rest).next() {
         None | Some(b"0" | b"off") => OFF.to_owned(),
@@ -56,8 +58,9 @@ pub(super) fn note<'a>(pieces: impl Iterator<Item = &'a Smoothing>, notes: &mut 
     // A single smoothing group needs no note, since all faces without normals become smooth anyway.
     if groups.len() > 1 || groups.contains(OFF) {
         notes.push(format!(
-            "smoothing groups (s) are not read: {} smooth. A `crease` in the scene (a bare mesh has a default) keeps \
-             edges with a larger angle sharp; flat = true in an [[object]] gives every face its own normal",
+            "smoothing groups (s) are not read: {} smooth. A `crease` angle in the scene (a bare mesh has a \
+             default) keeps edges with a larger angle sharp; flat = true in an [[object]] gives every face its \
+             own normal",
             counted_are(counts.iter().map(|(_, count)| **count).sum(), "triangle without normals")
         ));
     }

@@ -462,7 +462,10 @@ fn a_range_of_colours_that_is_doubtful_is_noted() {
     let notes = |red: &str| {
         read(&format!("v 0 0 0 {red} 1 1\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nf 1 2 3\n")).unwrap().notes
     };
-    assert_eq!(notes("1.6"), ["colours of vertices count as 0 to 255, since a channel is 1.6"]);
+    assert_eq!(
+        notes("1.6"),
+        ["channels of vertices' colours count as numbers from 0 to 255, since one is 1.6"]
+    );
     assert_eq!(notes("15").len(), 1);
     assert_eq!([notes("1"), notes("16"), notes("200")].concat(), [""; 0]);
 }

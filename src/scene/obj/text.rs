@@ -1,4 +1,5 @@
-//! Divides OBJ text into pieces of whole lines, lines and words, parses numbers, and locates mistakes.
+//! Divides the text of OBJ and MTL files into pieces (of whole lines each), into lines and into words. Also parses
+//! numbers, and locates mistakes.
 
 use crate::error::Error;
 use crate::words::counted;
@@ -28,7 +29,8 @@ pub(super) const PIECES_PER_THREAD: usize = 4;
 pub(super) struct Mistake {
     offset: usize,
     message: String,
-    /// The form that the line with the mistake should have; `None` if the line's keyword shows this form.
+    /// The form that the line with the mistake should have; `None` if the form depends only on
+    /// the line's keyword (see [`expected`]).
     expected: Option<String>,
 }
 
@@ -200,8 +202,8 @@ pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
 }
 
 /// Returns the text without a byte order mark, and with line feeds as its only line ends. Lines that end in `\`, which
-/// blanks may follow, are joined with the next line, unless they contain a comment. Empty lines are added after a
-/// joined line, so that line numbers stay the same.
+/// blanks may follow, are joined with the next line. Lines with a word that begins with `#`, as a comment does, are not
+/// joined. Empty lines are added after a joined line, so that line numbers stay the same.
 pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let has = |byte: &u8| bytes.par_chunks(CHUNK_BYTES).any(|piece| piece.contains(byte));

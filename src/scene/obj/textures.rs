@@ -71,9 +71,9 @@ impl Maps {
     }
 
     /// Loads the textures; returns `None` if none could be loaded. Adds to `namesakes` the pictures that are perhaps
-    /// not those that the file means. Calls `report` for each texture that
-    /// cannot be read. The first argument of `report` is a text that names the file and the reason. The
-    /// second argument is a function that makes a note on the texture.
+    /// not those that the file means. Calls `report` for each texture that cannot be read. The first argument of
+    /// `report` is a text that names the file and the reason. The second argument is a function that makes a note on
+    /// the texture.
     fn load(
         &self,
         reach: Reach<'_>,
@@ -124,7 +124,8 @@ struct LoadedMaps<'a> {
     mapping: &'a Map,
     /// The indices of the colour texture, the mask and the emission texture in `Pictures::list`.
     all: [Option<u32>; 3],
-    /// True if the colour texture, or the emission texture, is multiplied by white (see [`Factor`]).
+    /// Two values, for the colour texture and the emission texture: true if the texture was read and is multiplied by
+    /// white (see [`Factor`]).
     is_whitened: [bool; 2],
 }
 
@@ -232,7 +233,7 @@ impl Map {
                 self.wrap = if is(b"on") { Wrap::Clamp } else { Wrap::Repeat };
                 1
             }
-            // The last word of a line is the name of the file, and never the argument of `-clamp`.
+            // Neither `on` nor `off` follows. If only one word follows, this word is the name of the file.
             b"-clamp" => {
                 unsupported(after.first().copied().unwrap_or_default());
                 usize::from(after.len() > 1)
@@ -281,7 +282,8 @@ impl Map {
 
     /// Returns the index, in `Pictures::list`, of the map's texture: the first file of [`Self::paths`] that
     /// can be used. If no file can be used, returns what is wrong with the first file that the mesh may read.
-    /// If the mesh may read none of the files, returns what is wrong with the file [`Self::name`].
+    /// If there are no such files, or if the mesh may read none of them, returns what is wrong with the file
+    /// [`Self::name`].
     fn load(
         &self,
         reach: Reach<'_>,
@@ -419,8 +421,7 @@ fn note_black(maps: &[Maps], loaded: &[Loaded<'_>], notes: &mut Vec<String>) {
 /// Makes a material white if its `Kd` colour is missing or black and its colour texture was read. Makes a
 /// material's emitted light white if its `Ke` colour is missing or black and its emission texture was read.
 /// `unmapped` has the indices of the triangles that have no texture coordinates, and thus show no texture. If
-/// the material of a triangle without texture coordinates becomes white, the triangle gets a copy of the
-/// unchanged material.
+/// the material of such a triangle is changed, the triangle gets a copy of the unchanged material.
 fn whiten(mesh: &mut Mesh, loaded: &[Loaded<'_>], unmapped: &[usize]) {
     let whitened = |material: usize| loaded[material].map_or([false; 2], |maps| maps.is_whitened);
     let is_whitened = |material: usize| whitened(material) != [false; 2];

@@ -105,7 +105,7 @@ pub(super) fn shininess(rest: &[u8]) -> Result<f32, Unfit> {
     })
 }
 
-/// Returns the reason why a line with the keyword `key`, `map_Kd`, `map_d` or `map_Ke`, is ignored.
+/// Returns the reason why a line that names a texture is ignored. `key` is the line's keyword, such as `map_Kd`.
 pub(super) fn unfit_map(key: &str, found: String, expected: &str) -> Unfit {
     let instead = match key {
         "map_d" => "the surface has no holes",

@@ -10,8 +10,9 @@ use glam::Vec3;
 /// The colour of a vertex for which the file has no colour. Channels of colours are later limited to 1, so a
 /// vertex without a colour becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
-/// If a channel of a colour is larger than this, all channels in the file count as numbers from 0 to 255. The
-/// limit is above 1, because rounded channels may be slightly larger than 1. The same holds for alpha.
+/// If a triangle uses a vertex whose colour has a channel larger than this, all channels in the file count as
+/// numbers from 0 to 255. If an alpha in the file is larger than this, all alphas count as numbers from 0 to 255.
+/// The limit is above 1, because rounded channels may be slightly larger than 1.
 const MOST_OF_UNIT: f32 = 1.5;
 /// If the largest channel is smaller than this, it is doubtful that channels are numbers from 0 to 255, since all
 /// colours would be almost black.
@@ -70,8 +71,12 @@ impl VertexColours {
         let full = full_channel(self.brightest);
         let is_limited = |colour: &&Vec3| **colour != UNCOLOURED && is_outside(&(**colour / full));
         notes.extend(note_outside(self.list.iter().filter(is_limited).count(), "vertex"));
-        let range =
-            || format!("colours of vertices count as 0 to 255, since a channel is {}", self.brightest);
+        let range = || {
+            format!(
+                "channels of vertices' colours count as numbers from 0 to 255, since one is {}",
+                self.brightest
+            )
+        };
         notes.extend((full > 1.0 && self.brightest < LEAST_OF_BYTES).then(range));
         let white = || format!("{} shown in white", counted_are(self.without, "vertex without a colour"));
         notes.extend((self.without > 0).then(white));

@@ -8,8 +8,8 @@ use super::asked::{Asked, Wish};
 use super::text::{number, tokens};
 
 /// Counts a line of an OBJ file if it asks for something that raycl does not support. `rest` is the line
-/// after the keyword. The function is not called for `v`, `vn`, `f`, `fo`, `s`, `usemtl` and `mtllib`, which
-/// other modules read.
+/// after the keyword. The function is not called for `v`, `vn`, `vt`, `f`, `fo`, `s`, `usemtl` and `mtllib`,
+/// which other modules read.
 pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let off = || matches!(tokens(rest).next(), None | Some(b"off" | b"0"));
     let wish = match keyword {
@@ -56,7 +56,7 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     }
 }
 
-/// Returns true if lines of a material with this keyword name a picture.
+/// Returns true if the lines with this keyword in an MTL file name a picture.
 pub(super) fn names_picture(keyword: &[u8]) -> bool {
     match &keyword.to_ascii_lowercase()[..] {
         b"bump" | b"disp" | b"decal" | b"norm" | b"refl" => true,
@@ -65,7 +65,7 @@ pub(super) fn names_picture(keyword: &[u8]) -> bool {
 }
 
 /// Returns the unsupported feature that a keyword asks for, and how many numbers may follow the keyword. Returns `None`
-/// if the keyword asks for no such feature, or if no numbers follow the keyword.
+/// if the keyword asks for no such feature, or if the keyword takes no numbers.
 pub(super) fn of_numbers(keyword: &[u8]) -> Option<(Wish, usize)> {
     match &keyword.to_ascii_lowercase()[..] {
         b"d" | b"tr" => Some((Wish::Transparency, 1)),
