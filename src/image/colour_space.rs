@@ -18,7 +18,8 @@ pub fn other_colour_space(bytes: &[u8], profile: Option<&[u8]>) -> Option<String
     }
     let header: Vec<_> = png_chunks(bytes).take_while(|(kind, ..)| *kind != b"IDAT").collect();
     let chunk = |name: &[u8]| header.iter().find(|(kind, ..)| *kind == name).map(|(_, _, data)| *data);
-    // A reader uses the first of these chunks that the picture has (PNG, third edition, 4.3).
+    // A reader uses the first of these that the picture has: cICP, iCCP, sRGB, or gAMA and cHRM together (PNG, third
+    // edition, 4.3).
     if let Some(code) = chunk(b"cICP") {
         // sRGB has the primaries 1 and the transfer function 13 (ITU-T H.273).
         return (!code.starts_with(&[1, 13])).then(|| format!("cICP {code:?}"));
@@ -38,7 +39,7 @@ fn other_gamma(data: &[u8]) -> Option<String> {
     is_other.then(|| format!("gAMA {}", f64::from(gamma) / 1e5))
 }
 
-/// The white comes first in a PNG, and last in [`SRGB`].
+/// White comes first in a PNG's chunk cHRM, and last in [`SRGB`].
 fn other_primaries(data: &[u8]) -> Option<String> {
     let usual = SRGB[6..].iter().chain(&SRGB[..6]);
     let stated = data.chunks_exact(4).filter_map(|bytes| bytes.first_chunk());

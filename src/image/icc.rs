@@ -10,8 +10,9 @@ const PRIMARIES: [(&[u8], [f32; 3]); 3] = [
 const CURVES: [&[u8]; 3] = [b"rTRC", b"gTRC", b"bTRC"];
 /// sRGB's linear light of the stored value 0.5.
 const MIDDLE: f32 = 0.2140;
-/// A profile counts as sRGB's if each of its numbers differs from sRGB's by at most this value. A pure power with
-/// the exponent 2.2 differs by 0.004.
+/// A profile counts as sRGB's if each number in [`PRIMARIES`], and each curve's linear light of the stored value 0.5,
+/// differs from sRGB's by at most this value. For a curve that is a pure power with the exponent 2.2, the linear light
+/// differs by 0.004.
 const CLOSE: f32 = 0.01;
 
 /// Returns true if a profile is known to be sRGB's, or that of sRGB's shades of grey.
@@ -52,7 +53,7 @@ fn light_of_middle(curve: &[u8]) -> Option<f32> {
                 _ => Some(f32::from(entry((count - 1) / 2)?) / f32::from(u16::MAX)),
             }
         }
-        // The value 0.5 is in the part of the curve that is a power.
+        // The value 0.5 is assumed to be in the part of the curve that is a power, as it is in sRGB.
         b"para" => {
             let numbers = curve.get(12..)?;
             let [g, a, b, c] = match curve.get(8..10)? {

@@ -6,7 +6,7 @@ const SIGNATURE_BYTES: usize = 8;
 const FRAME_BYTES: usize = 8;
 
 /// Returns the chunks of a PNG: for each, its type, its stated length and the bytes of its data. If the file ends
-/// within a chunk, the data of this chunk are shorter than stated.
+/// within the data of a chunk, these data are shorter than stated.
 pub fn png_chunks(bytes: &[u8]) -> impl Iterator<Item = (&[u8], usize, &[u8])> {
     let mut rest = bytes.get(SIGNATURE_BYTES..).unwrap_or_default();
     std::iter::from_fn(move || {

@@ -24,7 +24,8 @@ impl Part {
     }
 }
 
-/// For each part, the names of the pictures whose part is not used. After each name is what the picture states.
+/// For each part, the pictures of which this part is not used: the name of each picture, and what the picture states
+/// about the part, such as `gAMA 1` (empty if there is nothing to quote).
 #[derive(Default)]
 pub(in crate::scene) struct UnusedParts(BTreeMap<Part, BTreeMap<String, String>>);
 

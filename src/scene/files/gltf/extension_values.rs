@@ -21,7 +21,7 @@ enum Form {
     Texture,
 }
 
-/// The extensions of materials and their keys that raycl reads.
+/// The extensions of materials that raycl reads, and the keys that it reads of each.
 const OF_MATERIALS: [(&str, &[(&str, Form)]); 2] = [
     (
         "KHR_materials_pbrSpecularGlossiness",
@@ -62,7 +62,8 @@ impl Form {
     }
 }
 
-/// Returns an error if an extension of a material, or of a texture that raycl uses, has a value of a wrong form.
+/// Returns an error if a value that raycl reads has a wrong form: a value in an extension of a material, or of its
+/// colour texture or emission texture.
 pub(super) fn check(root: &Root) -> Parsed<()> {
     root.materials
         .iter()

@@ -10,7 +10,7 @@ use gltf::json::scene::Node;
 /// The length of a rotation differs from 1 by at most this if the rotation was rounded to 8 bits.
 const ROUNDED: f64 = 1e-2;
 
-/// Returns notes on the nodes, images and buffer views of a file that contradict themselves or have invalid values.
+/// Returns notes on nodes, images and buffer views that contradict themselves or have values that are not valid.
 pub(super) fn notes(root: &Root) -> impl Iterator<Item = String> {
     let [nodes, others] = [of_nodes(root), of_data(root)];
     notes_on(nodes.into_iter().chain(others))

@@ -1,6 +1,6 @@
-//! Looks through the whole JSON of a glTF file for three things that the crate `gltf-json` does not report: keys that
-//! occur twice in an object, the names of the extensions that parts of the file have, and names of attributes that glTF
-//! does not define.
+//! Looks through the JSON of a glTF file for three things that the crate `gltf-json` does not report: keys that occur
+//! twice in an object, the names of the extensions that parts of the file have, and names of attributes that glTF does
+//! not define.
 
 use super::{Flaw, Named, Result, quoted};
 use crate::words::{counted_are, first};
@@ -18,8 +18,8 @@ use std::fmt::{self, Formatter};
 /// Largest number of attributes that a note names.
 const MOST_LISTED: usize = 8;
 
-/// Keys whose values are skipped. Applications may store anything in `extras`. The other values contain no objects, and
-/// are most of the text of a large file.
+/// Keys whose values are skipped. Applications may store anything in `extras`. The values of the other keys contain no
+/// objects, and are most of the text of a large file.
 const SKIPPED: [&str; 9] =
     ["extras", "uri", "children", "matrix", "max", "min", "rotation", "scale", "translation"];
 
@@ -80,8 +80,7 @@ enum Keys {
 }
 
 impl Keys {
-    /// Returns the meaning of the keys of an inner object: of the value under `key` or, if `key` is `None`, of an
-    /// element of a list.
+    /// Returns the meaning of the keys of the object under `key` or, if `key` is `None`, of the objects in a list.
     fn below(self, key: Option<&str>) -> Self {
         match (self, key) {
             (Self::Extensions, _) => Self::OfExtension,
@@ -100,7 +99,7 @@ struct Walk<'s> {
 }
 
 impl Walk<'_> {
-    /// Adds the key of an object, which is the first with this name in the object.
+    /// Adds a key of an object, if the survey needs it. The object has no earlier key of the same name.
     fn add(&mut self, key: &str) {
         match self.keys {
             Keys::Extensions if !self.survey.extensions.contains(key) => {

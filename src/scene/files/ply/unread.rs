@@ -1,5 +1,5 @@
-//! Finds the properties of vertices, faces and strips that raycl does not read. A property that raycl would read is
-//! refused if another one takes its place.
+//! Finds the properties of vertices, faces and strips that raycl does not read. Also refuses files with two
+//! properties for one value that raycl reads.
 
 use super::colour::channels;
 use super::elements::{CORNERS, NORMAL, is_corners};
@@ -70,7 +70,7 @@ fn parted<'a>(kind: &str, element: &'a ElementDef) -> (Vec<&'a PropertyDef>, Vec
     (defs(read), defs(unread))
 }
 
-/// Returns the names of the properties that raycl reads, or on which it has a note of its own.
+/// Returns the names of the properties that raycl reads, or that another note counts or names.
 fn known(kind: &str, element: &ElementDef) -> Vec<&'static str> {
     let mut known = match kind {
         "vertex" => [&["x", "y", "z"], &NORMAL[..]].concat(),

@@ -1,5 +1,5 @@
-//! The normals that the facets of an STL state. raycl does not use these normals, but counts the facets whose corners
-//! state the opposite side.
+//! The normals that an STL file states for its facets. raycl does not use these normals, but counts those that
+//! contradict the order of the facet's corners.
 
 use super::{TRIANGLE_BYTES, vector};
 use crate::scene::files::THIN;
@@ -17,8 +17,8 @@ pub(super) struct Normal<'a> {
     pub words: [&'a [u8]; 3],
 }
 
-/// Returns the number of facets of a text file whose normal contradicts their corners. Words that are not numbers
-/// contradict nothing.
+/// Returns how many facets in a text file state a normal that contradicts the order of their corners. Words that are
+/// not numbers contradict nothing.
 pub(super) fn opposite_of_words(normals: &[Normal<'_>], corners: &[DVec3]) -> usize {
     let is_opposite = |normal: &&Normal<'_>| {
         let [Some(x), Some(y), Some(z)] = normal.words.map(decimal) else { return false };
@@ -28,8 +28,8 @@ pub(super) fn opposite_of_words(normals: &[Normal<'_>], corners: &[DVec3]) -> us
     normals.par_iter().with_min_len(PARALLEL_TRIANGLES).filter(is_opposite).count()
 }
 
-/// Returns the number of facets of a binary file whose normal contradicts their corners. `rows` has the bytes of the
-/// facets.
+/// Returns how many facets in a binary file state a normal that contradicts the order of their corners. `rows` has the
+/// bytes of the facets.
 pub(super) fn opposite_of_rows(rows: &[u8], corners: &[DVec3]) -> usize {
     let facets = rows.par_chunks_exact(TRIANGLE_BYTES).zip(corners.par_chunks_exact(3));
     let is_opposite = |(row, facet): &(&[u8], &[DVec3])| contradicts(vector(row), facet);
