@@ -10,9 +10,9 @@ const PRIMARIES: [(&[u8], [f32; 3]); 3] = [
 const CURVES: [&[u8]; 3] = [b"rTRC", b"gTRC", b"bTRC"];
 /// sRGB's linear light of the stored value 0.5.
 const MIDDLE: f32 = 0.2140;
-/// A profile counts as sRGB's if each number in [`PRIMARIES`], and each curve's linear light of the stored value 0.5,
-/// differs from sRGB's by at most this value. For a curve that is a pure power with the exponent 2.2, the linear light
-/// differs by 0.004.
+/// A number of a profile (a component of a primary, or a curve's linear light of the stored value 0.5) counts as sRGB's
+/// if it differs from sRGB's by at most this value. For a curve that is a pure power with the exponent 2.2, the linear
+/// light differs by 0.004.
 const CLOSE: f32 = 0.01;
 
 /// Returns true if a profile is known to be sRGB's, or that of sRGB's shades of grey.
