@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Number of children of a node in the tree for which costs are counted, as in the preset `bvh`.
+/// Largest number of children of a node in the tree for which costs are counted, as in the preset `bvh`.
 pub const NODE_WIDTH: usize = 4;
 /// Largest number of triangles in a leaf of the tree for which costs are counted.
 pub const LEAF_SIZE: usize = 4;
@@ -50,8 +50,9 @@ impl Grid {
         self.size.map(|side| side.div_ceil(self.block))
     }
 
-    /// Returns the column and the row of a block's middle pixel. If the middle of a block at an edge lies outside the
-    /// image, the image's last column or row takes its place. `index` counts the blocks row by row.
+    /// Returns the column and the row of a block's middle pixel. If the middle column or row of a block at an edge
+    /// lies outside the image, the image's last column or row is returned instead. `index` counts the blocks row by
+    /// row.
     fn pixel(&self, index: usize) -> [u32; 2] {
         let at = pixel_at(index, self.blocks()[0]);
         [0, 1].map(|axis| (at[axis] * self.block + self.block / 2).min(self.size[axis] - 1))
@@ -85,8 +86,8 @@ pub fn tree_of(mesh: &Mesh) -> Result<WideBvh> {
     widened(Bvh::build(mesh, LEAF_SIZE))
 }
 
-/// Makes the tree for which costs are counted from a binary tree. Costs are counted for the same tree with every
-/// strategy, so the remedy for too many triangles is never another strategy.
+/// Converts a binary tree to the tree for which costs are counted. This tree is the same for all strategies. If it
+/// cannot index all triangles, another strategy would therefore not help, and the error does not recommend one.
 fn widened(bvh: Bvh) -> Result<WideBvh> {
     let wide = WideBvh::new(bvh, NODE_WIDTH, LEAF_SIZE);
     wide.map_err(|error| error.with_help("use a scene with fewer triangles"))
@@ -208,7 +209,7 @@ mod tests {
 
     #[test]
     fn exhaustive_costs_are_those_of_the_search_itself() {
-        // In the second scene, shadow rays have several occluders.
+        // In the second scene, some shadow rays have several occluders.
         for scene in [fixtures::pyramid_lower(), fixtures::random(60, 3)] {
             let corners: Vec<_> =
                 scene.mesh.triangles.iter().map(|t| scene.mesh.corners(t).map(|c| c.as_dvec3())).collect();
@@ -239,7 +240,7 @@ mod tests {
     #[test]
     fn no_strategy_is_advised_for_too_many_triangles() {
         let bvh = Bvh { nodes: Vec::new(), order: vec![0; WideBvh::MAX_INDEX + 1], depth: 0 };
-        let error = widened(bvh).expect_err("it has one triangle more than a tree can index");
+        let error = widened(bvh).expect_err("the mesh has one triangle more than a tree can index");
         assert!(error.to_string().contains("33554433 triangles"), "{error}");
         assert_eq!(error.remedy(), "use a scene with fewer triangles");
     }

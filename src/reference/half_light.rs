@@ -7,8 +7,8 @@ use crate::manifest::HALF_LIGHT_SHARPNESS;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The filter's weights of five neighbouring pixels, across or down. If the samples repeat after four pixels,
-/// each of the four samples gets the same total weight.
+/// The filter's weights of five neighbouring pixels, across or down. If the points on lights repeat after four
+/// pixels, these weights give the same total weight to the points of each of the four pixels.
 const WEIGHTS: [f64; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
 
 /// The two half pictures (pictures of half the width and height) in which soft light is cast.
@@ -98,8 +98,8 @@ fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios:
     sum / weights
 }
 
-/// Returns the factor that scales the brightest channel of a pixel's light to 1. Without this factor, the small
-/// constant in the weights would count in pictures with little light.
+/// Returns the factor that scales the brightest channel of a pixel's light to 1. Without this factor, the
+/// constant 1e-37 in the weights of [`interpolated`] would matter in pictures with little light.
 fn light_scale(own: DVec3) -> f64 {
     own.max_element().max(f64::from(f32::MIN_POSITIVE)).recip()
 }
@@ -142,7 +142,7 @@ mod tests {
     fn light_that_repeats_after_four_pixels_is_smooth() {
         let (whole, unoccluded) = (flat([17, 13], 0.8), flat([9, 7], 0.8));
         let mut lit = unoccluded.clone();
-        // One of 16 samples is occluded.
+        // In each square of 4 x 4 pixels, one pixel is in shadow.
         for (index, pixel) in lit.pixels.iter_mut().enumerate() {
             if index % 9 % 4 == 1 && index / 9 % 4 == 2 {
                 *pixel = [0.0; 3];
@@ -171,8 +171,8 @@ mod tests {
         side(&mut lit, [0.9, 0.0]);
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 32] };
         let picture = with_half_light(&whole, &[1.0; 128], &halves, BACKGROUND);
-        // Every pixel gets at least the small weight `least`. Only this weight mixes the picture's bright
-        // half and its dark half at their border.
+        // In `interpolated`, pixels of another brightness keep a small weight, because `least` is added. Only
+        // this weight mixes the picture's bright half and its dark half at their border.
         assert!(close(picture.pixels[6], DVec3::splat(0.9)) && close(picture.pixels[9], DVec3::ZERO));
         assert!(picture.pixels[7][0] > 0.89 && picture.pixels[8][0] < 0.01, "{:?}", &picture.pixels[6..10]);
     }
@@ -241,10 +241,10 @@ mod tests {
     }
 
     /// If the whole picture is exactly twice as wide and high as the half picture, a pixel of the half picture
-    /// covers two pixels of the whole picture along each axis. The centres of the whole picture's two pixels
-    /// lie before and after the centre of the half picture's pixel. Each of the two lies a quarter of the side
-    /// of the half picture's pixel away from the centre of this pixel. If both pictures have an odd number of
-    /// pixels along an axis, the middle pixels of the two pictures have the same centre.
+    /// covers two pixels of the whole picture along each axis. Along this axis, the centres of these two pixels
+    /// lie before and after the centre of the half picture's pixel, at a quarter of this pixel's side. If both
+    /// pictures have an odd number of pixels along an axis, the middle pixels of the two pictures have the same
+    /// centre.
     #[test]
     fn pixels_lie_beside_the_centres_of_half_pixels() {
         assert_eq!([0, 1, 2, 3].map(|at| position_in_half(at, (2, 4))), [-0.25, 0.25, 0.75, 1.25]);

@@ -140,8 +140,8 @@ mod tests {
         assert!(costs.iter().map(|cost| cost.nodes).eq(layers.nodes.iter().copied()));
     }
 
-    /// Rays go through the centres of pixels. In a picture of two pixels, the pixels therefore see different
-    /// triangles.
+    /// Rays go through the centres of pixels. If two triangles meet at the border between the two pixels of a picture,
+    /// the pixels therefore see different triangles.
     #[test]
     fn pixels_are_seen_at_their_centres() {
         use glam::Vec3;

@@ -52,8 +52,8 @@ use std::sync::Arc;
 use traverse::Exhaustive;
 use tree::Tree;
 
-/// If a scene has more triangles than this, the caster finds hits with a tree; in a smaller scene, the caster
-/// tests every triangle.
+/// If a scene has more triangles than this, the reference finds the hits of single rays with a tree, otherwise
+/// without a tree. Packets of rays ([`ray_packet`]) always use a tree, and baselines never do.
 const EXHAUSTIVE_TRIANGLES: usize = 64;
 
 /// The expected image of a scene.
@@ -65,11 +65,11 @@ pub struct Reference {
     /// for pixels that were not cast.
     pub hit_shares: Vec<f32>,
     /// True for each certain pixel, in the order of `radiance.pixels`. If a pixel is certain, nudges (small
-    /// turns) of its ray and other small changes (see [`certainty`]) alter its radiance by a fraction of less
-    /// than 1e-3. Pixels that were not cast count as uncertain.
+    /// turns) of its ray and other small changes (see [`certainty`]) alter its channels by less than 1e-3 of its
+    /// brightest channel or of `floor`, whichever is greater. Pixels that were not cast count as uncertain.
     pub certain: Vec<bool>,
-    /// The uncertain pixels among those that were cast, in the order of `radiance.pixels`, with the range of
-    /// their possible values.
+    /// The uncertain and the nearly certain pixels among those that were cast, in the order of
+    /// `radiance.pixels`, each with the range of its possible values.
     pub doubts: Vec<Doubt>,
     /// Number of pixels that were cast: all, or a random selection.
     pub judged: usize,
@@ -85,7 +85,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Returns the number of uncertain pixels among those that were cast, without the nearly certain pixels.
+    /// Returns the number of uncertain pixels among those that were cast. Nearly certain pixels are not counted.
     pub fn uncertain_pixels(&self) -> usize {
         self.doubts.iter().filter(|doubt| !doubt.nearly_certain).count()
     }
@@ -97,7 +97,8 @@ impl Reference {
     }
 }
 
-/// An uncertain pixel of the reference, with the range of values that correct casters may find for it.
+/// An uncertain or nearly certain pixel of the reference, with the range of values that correct casters may
+/// find for the pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Doubt {
     /// The pixel's index in the reference's picture (the field `radiance.pixels` of [`Reference`]).
@@ -123,8 +124,8 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
 /// Casts only the pixels with the indices `pixels`. A pixel gets the first `count(pixel)` samples of
 /// `of_pixel`; the pixel's value is the mean of these samples. Small changes (see [`certainty`]) alter the
 /// radiance of each sample; the pixel is certain if the mean of the samples' largest alterations is small.
-/// Pixels that are not cast are black and uncertain. Of an image's values for these pixels, verification only
-/// requires that they are finite.
+/// Pixels that are not cast are black and uncertain. In an image that is verified, the values of these pixels
+/// need only be finite.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],

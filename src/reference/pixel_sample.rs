@@ -9,7 +9,7 @@ use glam::DVec3;
 pub struct PixelSample {
     /// The radiance without nudges and without other small changes.
     pub radiance: DVec3,
-    /// True if the pixel's ray hits something.
+    /// True if the pixel's ray, or the ray of one of its samples, hits something.
     pub hit: bool,
     /// The share of the pixel's samples that hit something, from 0 to 1. With a transparent background, this
     /// share is the pixel's alpha.
@@ -147,7 +147,8 @@ mod tests {
             change,
             ..PixelSample::of(DVec3::splat(radiance), true)
         };
-        // A pixel is certain if it changes by less than a thousandth.
+        // A pixel is certain if it changes by less than a thousandth of its radiance or of the floor, whichever
+        // is greater.
         assert!(is_certain(&sample(1e-6, 0.9e-7), 1e-4) && !is_certain(&sample(1e-6, 1.1e-7), 1e-4));
         assert!(is_certain(&sample(1.0, 0.9e-3), 1e-4) && !is_certain(&sample(1.0, 1.1e-3), 1e-4));
     }

@@ -1,7 +1,7 @@
 //! Ray packets. A packet consists of all rays of a narrow cone from one point. One packet contains a pixel's
 //! ray and all its nudged rays, so one search of the tree can find the triangle that all these rays hit.
-//! Packets of a second kind contain the shadow rays between a light and the hits. Packets make the reference
-//! fast.
+//! Packets of a second kind contain the shadow rays between a light and the hits of these rays. Packets make
+//! the reference fast.
 
 use super::leaning::{ROUNDING, margin};
 use super::ray::Ray;
@@ -21,7 +21,7 @@ pub struct RayPacket {
     pub direction: DVec3,
     /// The largest angle between a ray and the axis, in radians.
     angle: f64,
-    /// If a light is at `origin`, the point of a surface at which the rays end; otherwise equal to `origin`.
+    /// If a light is at `origin`, the point of a surface near which the rays end; otherwise equal to `origin`.
     /// Devices may cast rays between a light and a surface from either end.
     end: DVec3,
 }
@@ -45,7 +45,7 @@ impl RayPacket {
         Self { origin, direction, angle: angle.max(NARROWEST), end: origin }
     }
 
-    /// Returns the same packet for rays that start at a light and end at the point `surface`.
+    /// Returns the same packet for rays that start at a light and end near the point `surface`.
     pub fn from_light(self, surface: DVec3) -> Self {
         Self { end: surface, ..self }
     }
@@ -137,8 +137,8 @@ impl RayPacket {
         self.angle * reach + margin(reach.max(tree.reach(self.end)))
     }
 
-    /// Returns `Some(Some(triangle))` if this triangle is the first that all rays hit beyond the distance
-    /// `near`, and `Some(None)` if no ray hits a triangle beyond `near`. Returns `None` if the result is
+    /// Returns `Some(Some(triangle))` if, beyond the distance `near`, each ray of the packet hits this triangle
+    /// first, and `Some(None)` if no ray hits a triangle beyond `near`. Returns `None` if the result is
     /// uncertain. For example, the result is uncertain if a second triangle is only slightly farther away
     /// than the first: by at most the fraction `2 * rival` of the first triangle's distance.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {

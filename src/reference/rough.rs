@@ -24,9 +24,10 @@ pub fn pixels_of_some_blocks(size: [u32; 2], some: usize) -> Vec<usize> {
 }
 
 /// Returns the blocks whose roughness does not depend on rounding: the column and row of each block's first pixel, and
-/// true if the block is rough. `means` contains the means of each pixel's first samples, whose number is `first`. A
-/// block is left out if its difference is close to the limit, or if a pixel of the block or of the ring around the
-/// block is uncertain. Pixels that were not cast are uncertain.
+/// true if the block is rough. `means` contains, for each pixel, the mean of its first samples; `first` is the number
+/// of these samples. A block is left out if the largest difference of its neighbouring pixels is close to the
+/// limit [`rough_steps`], or if a pixel of the block or of the ring around the block is not certain. Pixels that were
+/// not cast are not certain.
 pub fn certain_blocks(means: &Reference, display: Display, first: u32) -> Vec<([u32; 2], bool)> {
     let size = [means.radiance.width, means.radiance.height];
     let limit = rough_steps(first);
@@ -170,9 +171,9 @@ mod tests {
         means.pixels.fill([1.0; 3]);
         means.pixels[5] = [40.0, 2.0, 1.0];
         assert_eq!(steps_of_blocks(&means, exposed(1.0)), [0.0]);
-        // With an exposure of 1/4, the white pixels are displayed as 127.5 of 255.
+        // With an exposure of 1/4, a channel of 1 is displayed as 127.5, and a channel of 40 as white (255).
         assert_eq!(steps_of_blocks(&means, exposed(0.25)), [127.5]);
-        // The filmic curve displays a channel of 1 as sqrt(2.54 / 3.16) of 255, and a channel of 40 as white.
+        // The filmic curve displays a channel of 1 as 255 * sqrt(2.54 / 3.16), and a channel of 40 as white.
         let filmic = steps_of_blocks(&means, Display { tone: Tone::Filmic, ..exposed(1.0) });
         assert!((filmic[0] - 255.0 * (1.0 - (2.54_f64 / 3.16).sqrt())).abs() < 1e-9, "{filmic:?}");
     }

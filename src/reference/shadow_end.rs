@@ -6,8 +6,9 @@ use glam::DVec3;
 /// A bound of the rounding error of a hit's distance from a light, relative to this distance: twice the error of four
 /// roundings (of at most 6e-8 each), rounded up.
 const ROUNDING_AT_DISTANCE: f64 = 5e-7;
-/// The gap between a shadow ray's end and the hit grows in proportion to 1 / cosine, up to this value of
-/// 1 / cosine. The cosine belongs to the angle between the light's direction and the surface's normal.
+/// If the gap between a shadow ray's end and the hit is larger than the shadow bias, the gap grows in proportion
+/// to 1 / cosine, up to this value of 1 / cosine. The cosine is that of the angle between the light's direction
+/// and the surface's normal.
 const MOST_PER_COSINE: f64 = 50.0;
 
 /// Returns the least and the greatest distance between a hit and the end of a shadow ray that a device casts
@@ -16,8 +17,8 @@ const MOST_PER_COSINE: f64 = 50.0;
 /// The least distance is the one that cl/common/shadow_end.cl computes. Usually, the least distance is the
 /// shadow bias. If the light is so distant that rounding may move the hit's triangle by more than the bias,
 /// the least distance is the length of this move. The greatest distance is the sum of the least distance and
-/// the longest such move, that of a surface that the light grazes. A surface that is nearer to the hit than
-/// the greatest distance may or may not block the light. If even the longest move does not exceed the bias,
+/// the longest such move, that of a surface that the light grazes. A surface whose distance from the hit lies
+/// between these two may or may not block the light. If even the longest move does not exceed the bias,
 /// or if the light is behind the surface, the least and the greatest distance both equal the bias. `normal`
 /// is the unit normal at the hit.
 pub fn ends_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> [f64; 2] {

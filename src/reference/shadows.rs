@@ -146,7 +146,7 @@ mod tests {
                 );
             }
         }
-        assert_eq!(results.len(), 3, "open, in shadow and at its border: {results:?}");
+        assert_eq!(results.len(), 3, "lit points, points in shadow, and points at its border: {results:?}");
     }
 
     #[test]

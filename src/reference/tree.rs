@@ -1,4 +1,4 @@
-//! A bounding volume hierarchy. With the tree, the reference is cast in seconds even if the mesh is large.
+//! A bounding volume hierarchy. With the tree, each ray is tested against few triangles even if the mesh is large.
 //! The tree yields exactly the hits of an exhaustive search, since the tree's boxes are padded by far more
 //! than the rounding errors of `f64`.
 
@@ -29,8 +29,8 @@ pub struct Tree {
 }
 
 /// A node with the box around all triangles below the node. The box is in single precision, which halves the
-/// memory that a traversal reads. No hit is lost, since the triangles' corners have single precision too, and
-/// boxes are rounded outwards.
+/// memory of the box. No hit is lost, since the triangles' corners have single precision too, and boxes are
+/// rounded outwards.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     low: Vec3,
@@ -103,9 +103,9 @@ impl Tree {
 
     /// Passes triangles to `visitor`, approximately in the order of distance. Boxes are first enlarged by
     /// `around` on each side. The visitor gets the triangles of all leaves whose enlarged boxes the ray hits
-    /// before the distance `far`. At first, `far` is `ray.far`. Each call of the visitor gets a triangle and
-    /// `far`, and returns the new value of `far`: the distance up to which further triangles matter. The
-    /// traversal ends if `far` is not above `ray.near`.
+    /// between the distances `ray.near` and `far`. At first, `far` is `ray.far`. Each call of the visitor gets a
+    /// triangle and `far`, and returns the new value of `far`: the distance up to which further triangles matter.
+    /// The traversal ends if `far` is not above `ray.near`.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A zero component of a ray's direction would give NaN (0 * infinity) if the ray lies in a face of a
         // box.
