@@ -4,7 +4,8 @@ use crate::image::RELATIVE_LIMIT;
 use glam::DVec3;
 
 /// A pixel's radiance, and how it changes under nudges of the pixel's ray and other small changes (see
-/// [`super::certainty`]).
+/// [`super::certainty`]). If the pixel has several samples, `change`, `near_change` and `range` are means over the
+/// samples, like the radiance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelSample {
     /// The radiance without nudges and without other small changes.

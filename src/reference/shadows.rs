@@ -21,11 +21,11 @@ pub struct Shadows<'a> {
     known: RefCell<Vec<Option<Reaches>>>,
 }
 
-/// Points of a triangle: a centre, and the points around it. Smooth shadows may move these points to places
-/// above the triangle.
+/// A centre on a triangle, and points around the centre, which lie on the triangle or very close to it. Smooth
+/// shadows may move the centre and these points to places above the triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
-    /// The number of the triangle on which the points lie.
+    /// The number of the triangle on which the centre lies before smooth shadows move it.
     pub triangle: u32,
     /// The triangle's normal, on the side to which smooth shadows move the points; `None` if the points are not moved.
     pub moved_to: Option<DVec3>,
