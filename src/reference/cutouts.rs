@@ -11,7 +11,7 @@ use crate::scene::{Mapped, Texture, Textures};
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// How far rounding may move a point in its mask, relative to the largest coordinate: up to twice the error of
+/// How far rounding may move a point in its mask, relative to the largest coordinate: about twice the error of
 /// weights, products and sums in single precision. That error is eight roundings. The mean of four texels' alpha is
 /// rounded as often; its error is at most this part of the largest alpha.
 const ROUNDING: f64 = 1e-6;
@@ -128,7 +128,8 @@ impl<R: Real> Finder<R> for Solid<'_, R> {
         });
     }
 
-    /// Without holes, the inner finder does the search, which may be faster.
+    /// If there are no holes, and no triangles are made larger or smaller, the inner finder does the search. It may be
+    /// faster.
     fn any(&self, ray: &Ray<R>) -> bool {
         if self.textures.is_none() && self.lean.is_none() {
             return self.finder.any(ray);
@@ -167,7 +168,7 @@ mod tests {
         ] {
             assert_eq!(near([8, 1], wrap, place, reach), expected, "{wrap:?} {place} {reach}");
         }
-        // Of 2500 texels, the point may depend on too many to read them all.
+        // The point may depend on any of the 2500 texels. These are too many to read them all.
         assert_eq!(near([50, 50], Wrap::Repeat, 24.5, 100.0), [0, OPAQUE]);
     }
 }

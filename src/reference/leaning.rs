@@ -32,7 +32,8 @@ impl Lean {
     pub const BOTH: [Self; 2] = [Self::Larger, Self::Smaller];
 }
 
-/// Returns how far outside its box a triangle may be hit if its farthest corner has the distance `reach`.
+/// Returns how far outside its box a triangle may be hit if the distance from the ray's origin to the
+/// triangle's farthest corner is `reach`.
 pub fn margin(reach: f64) -> f64 {
     4.0 * ROUNDING * reach
 }
@@ -250,7 +251,7 @@ mod tests {
         let mut vector = |half: f32| Vec3::from_array([(); 3].map(|()| random.random_range(-half..half)));
         let (mut count, mut doubts) = (0, 0);
         for case in 0..60_000_usize {
-            // The triangles range from nearly equilateral to very long. The rays aim at an edge; half of them run
+            // The triangles range from compact to very long. The rays aim at an edge; half of them run
             // nearly along the triangle.
             let [long, wide] = [[1.0, 1.0], [10.0, 1e-1], [100.0, 1e-2], [1.0, 1e-4]][case % 4];
             let (middle, along) = (vector(1.0), vector(1.0));

@@ -27,7 +27,7 @@ pub trait Real:
     const INFINITY: Self;
     /// Pi.
     const PI: Self;
-    /// Returns the value nearest to `value`.
+    /// Returns the value of this type that is nearest to `value`.
     fn of(value: f64) -> Self;
     /// Returns the larger of two numbers.
     fn max(self, other: Self) -> Self;
@@ -68,7 +68,7 @@ pub trait Vector<R: Real>:
     const AXES: [Self; 3];
     /// Converts a scene's value exactly.
     fn of(value: Vec3) -> Self;
-    /// Returns the vector nearest to `value`.
+    /// Returns the vector of this type that is nearest to `value`.
     fn round(value: DVec3) -> Self;
     /// Rounds to single precision.
     fn to_f32(self) -> [f32; 3];
@@ -77,7 +77,8 @@ pub trait Vector<R: Real>:
     /// Returns the cross product.
     fn cross(self, other: Self) -> Self;
 
-    /// Returns the unit vector in this direction; zero for the zero vector, never NaN.
+    /// Returns the unit vector in this direction; zero for the zero vector. For a finite vector, the
+    /// result is never NaN.
     fn normalize_or_zero(self) -> Self {
         let length = self.dot(self).sqrt();
         if length > R::ZERO { self * (R::ONE / length) } else { Self::ZERO }

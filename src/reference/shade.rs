@@ -1,6 +1,6 @@
 //! Shades a hit; the counterpart for devices is `cl/cast/shade`. Following Hughes et al., section 15.4, surfaces
-//! reflect only direct light. What a surface emits itself is added, and lights no other surface. A sky contributes the
-//! light from one direction per sample.
+//! reflect only direct light. What a surface emits itself is added, and lights no other surface. A sky usually
+//! contributes the light from one direction per sample; a shiny surface also mirrors a sky with a picture.
 
 use super::intersect::Hit;
 use super::ray::Ray;
@@ -72,7 +72,7 @@ pub fn smooth_point<R: Real>(
 /// A test of whether a light is visible.
 pub type Reaches<'a, R> = &'a dyn Fn(&Sight<R>) -> bool;
 
-/// Returns a hit's base colour: its diffuse reflectance k_L, which is that of its material times the colours of the
+/// Returns a hit's base colour: its diffuse reflectance k_L. This is the material's k_L times the colours of the
 /// triangle's corners and of its texture. `width` is the width of the pixel's cone at the hit.
 pub fn base_colour<R: Real>(scene: &Scene, hit: &Hit<R>, direction: R::Vector, width: R) -> R::Vector {
     let mesh = &scene.mesh;
@@ -100,8 +100,8 @@ pub fn shade<R: Real>(
     shade_at(scene, seen, (ray, width), (hit, surface_at(scene, ray, hit)), reaches)
 }
 
-/// Returns the radiance like [`shade`], with the point at which the hit is lit, and the unit normal there. Without
-/// a sky, the radiance is L_o = emitted + sum over visible lights of share power / (4 pi r^2) f(w_i, w_o) (n . w_i),
+/// Returns the radiance like [`shade`]. The caller passes the point at which the hit is lit, and the unit normal there.
+/// Without a sky, the radiance is L_o = emitted + sum over visible lights of share power / (4 pi r^2) f(w_i, w_o) (n . w_i),
 /// after Hughes et al., chapter 15. The share is 1 for a point light (see [`share_towards`]), and f is the reflectance.
 pub fn shade_at<R: Real>(
     scene: &Scene,

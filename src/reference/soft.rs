@@ -1,5 +1,6 @@
 //! Computes what a sample of a pixel sees: a point of each light that has an extent, and one direction of the sky. The
-//! counterpart for devices is `cl/common/soft.cl`; both compute the same bits.
+//! counterpart for devices is `cl/common/soft.cl`; both compute the same numbers from
+//! which they choose points and directions, bit for bit.
 
 use super::environment::radiance_of_picture;
 use super::real::{Real, Vector};
@@ -307,7 +308,7 @@ mod tests {
         assert_ne!(seen.sky.map(|(_, point)| point), other.sky.map(|(_, point)| point));
     }
 
-    /// Of two adaptive samples, the first is the only one of its round, and so is the other.
+    /// With two adaptive samples, each of the two rounds has a single sample.
     #[test]
     fn the_only_sample_of_a_round_sees_points_of_balls() {
         let scene = scene();

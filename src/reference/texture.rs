@@ -37,7 +37,8 @@ pub fn texture_colour<R: Real>(
     Some(filtered_colour(mesh, row.texture?, hit, direction, width))
 }
 
-/// Does the same for the texture by which the radiance that a surface of this material emits is multiplied.
+/// Returns the colour, where the cone meets the hit, of the texture by which the hit's emitted radiance is multiplied;
+/// `None` if there is no such texture.
 pub fn emission_colour<R: Real>(
     mesh: &Mesh,
     hit: &Hit<R>,
@@ -49,8 +50,8 @@ pub fn emission_colour<R: Real>(
 }
 
 /// Returns the colour of the texture `number`, in linear light, where a pixel's cone of this direction and width meets
-/// a triangle. The mip level at which texels are as large as the pixel usually lies between two levels; the colour is a
-/// mean of these two.
+/// a triangle. Usually, the texels of one mip level are smaller than the pixel, and those of the next are larger;
+/// the colour is a mean of these two levels.
 fn filtered_colour<R: Real>(
     mesh: &Mesh,
     number: u32,
