@@ -101,8 +101,9 @@ pub fn shade<R: Real>(
 }
 
 /// Returns the radiance like [`shade`]. The caller passes the point at which the hit is lit, and the unit normal there.
-/// Without a sky, the radiance is L_o = emitted + sum over visible lights of share power / (4 pi r^2) f(w_i, w_o) (n . w_i),
-/// after Hughes et al., chapter 15. The share is 1 for a point light (see [`share_towards`]), and f is the reflectance.
+/// Without a sky, the radiance is
+/// L_o = emitted + sum over visible lights of share power / (4 pi r^2) f(w_i, w_o) (n . w_i), after Hughes et al.,
+/// chapter 15. The share is 1 for a point light (see [`share_towards`]), and f is the reflectance.
 pub fn shade_at<R: Real>(
     scene: &Scene,
     seen: &Seen<'_>,
