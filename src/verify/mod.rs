@@ -1,19 +1,20 @@
-//! Verifies images: an image that is wrong never enters the results.
+//! Verifies images against the reference. In a run, a point whose image is wrong gets the outcome
+//! `wrong-image`.
 //!
 //! For the [`Reference`], each pixel is also cast with small changes. Some of the small changes are nudges,
-//! which turn the pixel's ray. Wide nudges turn the ray by much more than rounding does; narrow nudges turn
-//! the ray by little more than rounding does. Small changes other than nudges concern, for example, the
-//! shadow bias. A pixel is certain if no small change alters its value noticeably. A certain pixel of the
-//! image must agree with the reference within [`RELATIVE_LIMIT`] (see [`relative_difference`]), and within
-//! one 8-bit step per channel as displayed. Pixels that are not certain are uncertain. An uncertain pixel has
-//! a range: from the least to the greatest value of each channel under all small changes except wide nudges.
-//! The value of an uncertain pixel should lie within the pixel's range. If only wide nudges alter a pixel
-//! noticeably, no value in the pixel's range differs from the reference by more than the relative limit. A
-//! pixel that only wide nudges alter is therefore judged almost like a certain pixel. Uncertain pixels whose
-//! value lies outside their range are counted, and only few of them are allowed (see [`unexplained_limit`]).
-//! The number of pixels that hit something must lie in, or close to, the range that the reference allows (see
-//! `wrong_hits`), since the result `shadow_rays_per_s` is computed from this number. If the background is
-//! transparent, the alpha of certain pixels must agree with the reference too.
+//! which turn the pixel's ray. Wide nudges turn the ray by much more than rounding does; narrow nudges turn the
+//! ray by little more than rounding does. Small changes other than nudges concern, for example, the shadow
+//! bias. A pixel is certain if no small change alters its value noticeably. A certain pixel of the image must
+//! agree with the reference within [`RELATIVE_LIMIT`] (see [`relative_difference`]), and within one 8-bit step
+//! per channel as displayed. A pixel that is not certain has a range: from the least to the greatest value of
+//! each channel under all small changes except wide nudges. The value of such a pixel should lie within its
+//! range. If only wide nudges alter a pixel noticeably, no value in the pixel's range differs from the
+//! reference by more than the relative limit. A pixel that only wide nudges alter (a nearly certain pixel) is
+//! therefore judged almost like a certain pixel. Pixels that are not certain and whose value lies outside their
+//! range are counted, and only few of them are allowed (see [`unexplained_limit`]). The number of pixels that
+//! hit something must lie in, or close to, the range that the reference allows (see `wrong_hits`), since the
+//! result `shadow_rays_per_s` is computed from this number. If the background is transparent, the alpha of
+//! certain pixels must agree with the reference too.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, alpha_difference, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -84,9 +85,10 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
 }
 
 /// Returns why the hit shares of certain pixels are wrong; `None` if they are right, or if `shares` is empty. A
-/// pixel's hit share is the share of its samples that hit something. With a transparent background, this
-/// share is the pixel's alpha. `what` names one share in the result. Whether the samples of a certain pixel hit
-/// or miss does not depend on rounding, so the pixel's hit share does not depend on rounding either.
+/// pixel's hit share is the share of its samples that hit something. With a transparent background, this share
+/// is the pixel's alpha. `what` is the word for a share in the returned sentence, such as "alpha". Whether the
+/// samples of a certain pixel hit or miss does not depend on rounding, so the pixel's hit share does not depend
+/// on rounding either.
 pub fn wrong_shares(what: &str, shares: &[f32], reference: &Reference) -> Option<String> {
     let pairs = shares.iter().zip(&reference.hit_shares);
     let certain = pairs.enumerate().filter(|(pixel, _)| reference.certain[*pixel]);
@@ -103,9 +105,9 @@ pub fn wrong_shares(what: &str, shares: &[f32], reference: &Reference) -> Option
     ))
 }
 
-/// Returns the number of uncertain pixels whose value lies outside the range that the reference allows for the
-/// pixel. A channel may lie outside its range by [`RELATIVE_LIMIT`] times the largest channel of the range's
-/// upper end, or times the reference's `floor` if that is larger.
+/// Returns the number of pixels that are not certain and whose value lies outside the range that the reference
+/// allows for them. A channel may lie outside its range by [`RELATIVE_LIMIT`] times the largest channel of the
+/// range's upper end, or times the reference's `floor` if that is larger.
 fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     let strays = |doubt: &&Doubt| {
         let actual = image.pixels[doubt.pixel];
@@ -221,7 +223,7 @@ fn too_many_unexplained(unexplained: usize, judged: usize) -> Option<String> {
     let limit = unexplained_limit(judged);
     (unexplained > limit).then(|| {
         format!(
-            "{unexplained} of {judged} pixels are uncertain, and their colours lie outside their ranges of possible values; at most {limit} such pixels are allowed"
+            "{unexplained} of {judged} pixels are not certain, and their colours lie outside their ranges of possible values; at most {limit} such pixels are allowed"
         )
     })
 }

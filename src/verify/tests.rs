@@ -131,7 +131,7 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
     assert!(!verdict.ok && verdict.unexplained_pixels == limit + 1, "{verdict:?}");
     let reason = verdict.reason.unwrap_or_default();
     assert!(
-        reason.starts_with("17 of 4000 pixels are uncertain, and their colours lie outside their ranges"),
+        reason.starts_with("17 of 4000 pixels are not certain, and their colours lie outside their ranges"),
         "{reason}"
     );
     assert!(reason.ends_with("at most 16 such pixels are allowed"), "{reason}");
