@@ -50,14 +50,14 @@ pub struct Mistake {
 }
 
 impl Mistake {
-    /// Returns the remedy: the valid names if a key or a value is unknown, and `otherwise` for other mistakes.
+    /// Returns the remedy for this particular mistake or, if there is none, `otherwise`.
     pub fn remedy<'a>(&'a self, otherwise: &'a str) -> &'a str {
         self.remedy.as_deref().unwrap_or(otherwise)
     }
 
-    /// Returns the mistake at the byte `at` of `text`, with a better remedy if the unknown key is a key of
-    /// another table, or if a list of tables stands in place of a single table, or the reverse. `schema` is the JSON
-    /// schema of the file.
+    /// Returns the mistake at the byte `at` of `text`, with a better remedy in three cases: an unknown key is a
+    /// key of another table, a list of tables stands in place of a single table, or a single table stands in
+    /// place of a list of tables. `schema` is the JSON schema of the file.
     pub fn with_table(mut self, schema: &Value, text: &str, at: usize) -> Self {
         if let Some(key) = self.unknown_key.take()
             && let Some(place) = elsewhere(schema, text, at, &key)
@@ -76,8 +76,9 @@ impl Mistake {
     }
 }
 
-/// Returns the error for a document that cannot be parsed, with the location of the mistake. `help` is the
-/// usual remedy. For an unknown key or value, the remedy names the valid ones instead.
+/// Returns the error for a document that cannot be read, with the location of the mistake. `help` is the remedy
+/// if the mistake has none of its own. Common syntax mistakes have their own remedies; for an unknown key or
+/// value, the remedy names the valid ones.
 pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
     mistake(error, text).in_file(name, text, error.span().unwrap_or(0..0), help)
 }
@@ -155,9 +156,10 @@ pub fn elsewhere(schema: &Value, text: &str, at: usize, key: &str) -> Option<Str
     }
 }
 
-/// Returns the remedy if the byte `at` of `text` is in a line such as `[light]`, although the file needs a
-/// list of tables, with double brackets (`[[light]]`), or in a line such as `[[camera]]`, although the file needs a
-/// single table. `message` is the message about the mistake, and `schema` is the JSON schema of the file.
+/// Returns the remedy for wrong brackets in the line that contains the byte `at` of `text`. For example, the
+/// line is `[light]` where the file needs a list of tables (`[[light]]`), or the line is `[[camera]]` where the
+/// file needs a single table (`[camera]`). `message` is the message about the mistake, and `schema` is the JSON
+/// schema of the file.
 pub fn other_brackets(message: &str, schema: &Value, text: &str, at: usize) -> Option<String> {
     let mut tables = Vec::new();
     add_tables(&mut tables, schema, "", String::new());
@@ -204,12 +206,12 @@ pub fn in_plain_words(message: &str) -> String {
     let message = message.replace("invalid type: ", "wrong type: ");
     let Some((actual, expected)) = message.rsplit_once(", expected ") else {
         return match message.as_str() {
-            // The message of the crate `toml` is "wanted string or table" if the crate expects one of several
-            // names.
+            // If a value must be one of several names, but is neither a string nor a table, the message of the
+            // crate `toml` is "wanted string or table".
             "wanted string or table" => "wrong type: expected a string".to_owned(),
-            // Instead of a string, the crate `toml` also accepts a table with a single key, which it takes as
-            // the name. For a table with no key or several keys, the message of the crate `toml` is "wanted
-            // exactly 1 element".
+            // Instead of a string with the name, the crate `toml` also accepts a table with a single key: the
+            // key is then the name. For a table with no key or several keys, the message of the crate `toml` is
+            // "wanted exactly 1 element".
             _ if message.starts_with("wanted exactly 1 element") => {
                 "wrong type: table, expected a string".to_owned()
             }
@@ -260,7 +262,8 @@ mod tests {
             "entry": { "items": { "properties": { "preset": {}, "seed": {} } } },
             "timing": { "properties": { "seed": {}, "inner": { "properties": { "deep": {} } } } },
         } });
-        // In each text, the unknown key is the word after the last line break.
+        // In each text, the last line begins with the unknown key or, in one text, with a table's name that
+        // ends in the unknown key.
         let remedy = |text: &str| {
             let at = text.rfind('\n').map_or(0, |end| end + 1);
             let key = text[at..].split([' ', ']']).next().unwrap_or_default().trim_start_matches('[');

@@ -28,8 +28,8 @@ pub fn from_table<T: DeserializeOwned>(table: Spanned<DeTable<'_>>) -> Result<T,
     T::deserialize(Strict(toml::Deserializer::from(table)))
 }
 
-/// Wraps a deserialiser of serde, or one of serde's readers of the inner values of a list or a table, so that a list in
-/// place of a table is refused. The deserialisers of all inner values are wrapped, too.
+/// Wraps a deserialiser of serde, or one of serde's readers of the inner values of a list or a table, so that a
+/// list in place of a table is refused. The deserialisers of the values in lists and tables are wrapped, too.
 struct Strict<T>(T);
 
 impl<'de, D: Deserializer<'de>> Deserializer<'de> for Strict<D> {
@@ -120,7 +120,7 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for StrictVisitor<V> {
         self.visitor.visit_map(Strict(table))
     }
 
-    // The enums of raycl's files are words without inner values, so no inner value must be wrapped in
+    // The enums of raycl's files are words without inner values, so this method has nothing to wrap in
     // `Strict`.
     fn visit_enum<A: EnumAccess<'de>>(self, value: A) -> Result<V::Value, A::Error> {
         self.visitor.visit_enum(value)

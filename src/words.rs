@@ -28,9 +28,9 @@ pub fn counted_of_were(part: usize, all: usize, what: &str) -> String {
 }
 
 /// Returns a part of a device's identity or state, such as "1 threads", with the noun in the singular if the
-/// number before the noun is 1. In the text of a device's identity or state, a plural follows every number.
-/// raycl corrects the plural only where it shows the text, since keys of records depend on the text. Words such as
-/// "of the parallel caster" may follow the noun.
+/// number before the noun is 1. In the text of a device's identity or state, counted nouns are always in the
+/// plural. raycl corrects the plural only where it shows the text, since keys of records depend on the text.
+/// Words such as "of the parallel caster" may follow the noun.
 pub fn in_singular(part: &str) -> String {
     let (counted, rest) = part.split_at(part.find(" of ").unwrap_or(part.len()));
     match counted.strip_prefix("1 ").and_then(|noun| noun.strip_suffix('s')) {
@@ -79,7 +79,8 @@ fn is_hidden(c: char) -> bool {
     c == '\n' || c == '\t' || steers(c)
 }
 
-/// Escapes an argument for the quotes `$'...'` of a shell. Bytes of hidden characters become octal numbers.
+/// Escapes an argument for the quotes `$'...'` of a shell. A line break becomes `\n`; the bytes of all other
+/// hidden characters become octal numbers.
 fn escaped(argument: &str) -> String {
     let mut text = String::new();
     for c in argument.chars() {

@@ -1,5 +1,6 @@
-//! The most common syntax mistakes in TOML, in plain words. A mistake is recognised by the text at which the parser
-//! stopped. The words of the crate `toml` are not used, except for keys that occur twice.
+//! The most common syntax mistakes in TOML, in plain words. A mistake is recognised by the text at which the
+//! parser stopped. The message of the crate `toml` does not matter, except the message about a key or a table
+//! that occurs twice.
 
 use crate::error::line_of;
 use std::ops::Range;
@@ -155,7 +156,8 @@ impl<'t> Place<'t> {
     }
 }
 
-/// Returns the answer about a quote at the byte `quote`; `None` if the quote begins a text of several lines.
+/// Returns the answer about a quote that nothing closes, at the byte `quote`; `None` if the quote begins a text
+/// of several lines.
 fn unclosed_quote(text: &str, quote: usize) -> Option<Answer> {
     let mark = text.get(quote..=quote)?;
     (!text[quote..].starts_with(&mark.repeat(3))).then(|| {
@@ -171,8 +173,8 @@ fn twice(text: &str, span: Range<usize>) -> Option<Answer> {
     let (header, key) = (header_of(line), key_and_rest(line).0);
     let first = match &header {
         Some(header) => above.lines().position(|line| header_of(line).as_ref() == Some(header)),
-        // A key of the same name in another table is not the same key. The line of an inline table begins with another
-        // key.
+        // A key of the same name in another table is not the same key. If the key is in an inline table, its
+        // line begins with another key; the first of the two equal keys is then not searched for.
         None if key.ends_with(name) => above
             .lines()
             .enumerate()
@@ -230,9 +232,9 @@ fn begins_statement(line: &str) -> bool {
 /// The quote and the brackets that are open at the end of a text.
 #[derive(Default)]
 struct Open {
-    /// The bytes of the brackets that are not closed, outermost first.
+    /// The positions, in bytes, of the brackets that are not closed, outermost first.
     brackets: Vec<usize>,
-    /// The byte of the first quote that nothing closes. The text after this quote was not read.
+    /// The position, in bytes, of the first quote that nothing closes. The text after this quote was not read.
     quote: Option<usize>,
 }
 
