@@ -113,8 +113,9 @@ impl Sources {
         Ok(())
     }
 
-    /// Returns the sorted names of the kernel files in the user's folder; none if the user gives no folder. Fails if
-    /// the folder cannot be read or contains no kernel file, or if a file's name ends in `.CL` instead of `.cl`.
+    /// Returns the sorted names of the kernel files in the user's folder; none if the user gives no folder.
+    /// Fails if the folder cannot be read or contains no kernel file, or if the `.cl` at the end of a file's
+    /// name has a capital letter.
     pub fn own_files(&self) -> Result<Vec<String>> {
         let Self::Folder(folder) = self else { return Ok(Vec::new()) };
         let mut files = Vec::new();
@@ -161,14 +162,16 @@ impl Sources {
         (!is_built_in).then(|| path.display().to_string())
     }
 
-    /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files instead of
-    /// their names. The second returned value is true if the program contains a file that the user added or changed.
-    /// raycl then takes the mistake for the user's, since built-in files compile by themselves. The mistake may be the
-    /// user's even if the compiler finds the error in a built-in file, for example where the built-in file calls a
-    /// function of the user's file with arguments that this function does not take. If the compiler reports no error in
-    /// the user's files, the returned messages begin with the names of the user's files. The program's text, `text`,
-    /// consists of the files `files`. The compiler names a file by its path relative to `cl/` or to the user's folder
-    /// of kernels. The compiler may also state only a line number in the program's whole text.
+    /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files
+    /// instead of their names. The second returned value is true if the program contains a file that the user
+    /// added or changed. raycl then takes the mistake for the user's, since built-in files compile by
+    /// themselves. The mistake may be the user's even if the compiler finds the error in a built-in file, for
+    /// example where the built-in file calls a function of the user's file with arguments that this function
+    /// does not take. If the program contains files that the user added or changed, but the compiler reports no
+    /// error in these files, their names precede the compiler's messages (only the first few of many names).
+    /// The program's text, `text`, consists of the files `files`. The compiler names a file by its path
+    /// relative to `cl/` or to the user's folder of kernels. The compiler may also state only a line number in
+    /// the program's whole text.
     pub fn located(&self, log: &str, text: &str, files: &[String]) -> (String, bool) {
         let path = |name: &str| files.iter().any(|file| file == name).then(|| self.path_of(name));
         let log = with_paths(&in_files(log, text), path);
@@ -181,8 +184,9 @@ impl Sources {
         (format!("{why} {}: {log}", some_of(&own)), true)
     }
 
-    /// Returns an error of the preprocessor. If the error's message begins with the name of a kernel file,
-    /// the file's path replaces this name. `files` are the names of the program's files.
+    /// Returns an error of the preprocessor. If the error's message begins with the name of a kernel file and a
+    /// line number, as in `a.cl, line 1`, the file's path replaces this name. `files` are the names of the
+    /// program's files.
     pub fn with_path(&self, error: Error, files: &[String]) -> Error {
         error.placed(|message| {
             let located = files.iter().find_map(|file| {
@@ -236,7 +240,7 @@ const ROW: &str = "with `record_floats: 12` in the file's header, a Row has the 
 const LINK: &str =
     "the path is a link that cannot be followed: correct the link, or remove it to use raycl's own file";
 
-/// Number of files that a message names. Of all further files, the message states only the number.
+/// Largest number of files that a message names. Of all further files, the message states only the number.
 const NAMED_FILES: usize = 3;
 
 /// Returns the names of files for a message: all names, or the first few names and the number of further
@@ -254,7 +258,8 @@ pub fn some_of(files: &[String]) -> String {
 pub fn meant_file<'a>(path: &str, files: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let files: Vec<&str> = files.into_iter().filter(|file| *file != path).collect();
     let same: Vec<&str> = files.iter().copied().filter(|file| stem(file) == stem(path)).collect();
-    // The names are also compared without their folders, which make most paths similar to each other.
+    // A similar path counts only if the names without folders are similar, too: a common folder makes most
+    // paths similar.
     let alike = |file: &&str| nearest(stem(path), [stem(file)]).is_some();
     let others = files.iter().copied().filter(alike);
     nearest(path, same.iter().copied()).or(same.first().copied()).or_else(|| nearest(path, others))
@@ -277,14 +282,15 @@ pub fn does_not_compile(log: &str) -> Error {
 /// raycl includes no further file in a program that is longer than this number of MiB.
 const LONGEST_PROGRAM_MIB: usize = 16;
 
-/// The files that are being joined. Each file in this list is included by the file before it.
+/// The files that are being joined. Each file in this list, except the first, is included by the file before
+/// it.
 #[derive(Default)]
 pub struct Chain(Vec<String>);
 
 impl Chain {
-    /// Enters an included file; `length` is the length of the program so far, in bytes. Returns an error if a
-    /// file includes itself, or if the program becomes too long, for example because files include other
-    /// files several times.
+    /// Adds a file to the end of the list; `length` is the length of the program so far, in bytes. Returns an
+    /// error if the file includes itself (directly, or through other files), or if the program becomes too
+    /// long, for example because files include other files several times.
     pub fn enter(&mut self, name: &str, length: usize) -> Result<()> {
         if self.0.iter().any(|open| open == name) {
             let chain = [self.0.join(" includes "), name.to_owned()].join(" includes ");
@@ -301,7 +307,7 @@ impl Chain {
         Ok(())
     }
 
-    /// Leaves the file that was entered last: removes the file from the list of files that are being joined.
+    /// Removes the last file from the list.
     pub fn leave(&mut self) {
         self.0.pop();
     }
@@ -322,7 +328,8 @@ fn read_inside(path: &Path, folder: &Path) -> Result<String> {
         let message = format!("{}:{}: a NUL byte; expected text", path.display(), line_of(&text, at));
         return Err(Error::input(message).with_help("remove the byte, and save the file as UTF-8"));
     }
-    // Some editors begin a file with a byte order mark, which no compiler expects in OpenCL C.
+    // Some editors begin a file with a byte order mark. After files are joined, the mark would stand within a
+    // program's text, where compilers refuse it.
     Ok(match text.strip_prefix('\u{feff}') {
         Some(rest) => rest.to_owned(),
         None => text,

@@ -1,8 +1,9 @@
 //! Starts the threads of the library rayon, which share the work of parallel iterators. rayon starts the
-//! threads by itself when they are first needed, but panics if the system refuses a thread. The system refuses a
-//! thread if `ulimit -u` or a control group's limit allows no more threads. The code of raycl starts single threads
-//! with `std::thread::Builder`, which returns an error, and not with `std::thread::spawn` or a scope's `spawn`,
-//! which panic. This file also locks data that threads share, and counts the cores that this process may use.
+//! threads by itself when they are first needed, but panics if the system refuses a thread. The system refuses
+//! a thread if `ulimit -u` or a control group's limit allows no more threads. The code of raycl starts single
+//! threads with `std::thread::Builder`, which returns an error, and not with `std::thread::spawn` or a scope's
+//! `spawn`, which panic. This file also locks data that threads share, and counts the processors (hardware
+//! threads) that this process may use.
 
 use crate::error::{Error, Result};
 use rayon::{ThreadPoolBuildError, ThreadPoolBuilder};
@@ -30,8 +31,8 @@ pub fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Returns the number of cores that this process may use, according to its affinity and control groups; 1 if the number
-/// is unknown.
+/// Returns the number of processors (hardware threads) that this process may use, according to its affinity and
+/// control groups; 1 if the number is unknown.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
@@ -53,7 +54,7 @@ mod tests {
         assert!(start_pool().is_ok());
     }
 
-    /// Returns all Rust files of a folder and its subfolders, except files of tests.
+    /// Returns all files of a folder and its subfolders, except files `tests.rs` and folders `tests`.
     fn files(folder: &Path) -> Vec<PathBuf> {
         let mut found = Vec::new();
         for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
@@ -72,7 +73,7 @@ mod tests {
         let all = files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"));
         assert!(all.len() > 100, "{}", all.len());
         for path in all {
-            // Some folders contain other files than Rust's.
+            // Files that are not UTF-8 text, such as fonts, contain no code.
             let text = std::fs::read_to_string(&path).unwrap_or_default();
             let code = text.split("\nmod tests {").next().unwrap_or_default();
             for spawn in ["thread::spawn(", "scope.spawn("] {

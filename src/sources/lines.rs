@@ -1,5 +1,6 @@
 //! Splits a kernel file into lines and finds its directives as a compiler does: comments and strings hide
-//! directives, and a line that ends in a backslash or within a comment continues on the next line.
+//! directives, and a line that ends in a backslash or within a block comment (`/* */`) continues on the next
+//! line.
 
 use crate::error::{Error, Result};
 
@@ -27,11 +28,12 @@ enum Within {
 /// Directives by which a compiler reads another file.
 const READING: [&str; 3] = ["include", "import", "embed"];
 
-/// Splits a file into lines; `name` is its path for messages. Refuses an `#include` in any form other than a
-/// line `#include "FILE"`: only a compiler could resolve such an include, and the include could name any file
-/// of the machine. Refuses a comment without an end, since it would hide the files that are joined after this
-/// file. Refuses a carriage return within a line: compilers start a new line at a carriage return, so later
-/// lines would have other numbers in their messages and line tables.
+/// Splits a file into lines; `name` is its path for messages. Refuses `#import`, `#embed`, and any `#include`
+/// that is not at the start of its line in the form `#include "FILE"`: a compiler would follow such a
+/// directive, which can name any file of the machine. Refuses a block comment without an end, since it would
+/// hide the files that are joined after this file. Refuses a carriage return within a line: compilers start a
+/// new line at a carriage return, so compilers would give other numbers to later lines, in messages and in line
+/// tables.
 pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
     let (mut within, mut begun, mut continues) = (Within::Code, String::new(), false);
     let (mut lines, mut opened) = (Vec::new(), 1);
@@ -129,7 +131,9 @@ impl Within {
         }
     }
 
-    /// Adds the code up to the start of the next comment or literal, and returns the text after that start.
+    /// Adds the code before the next comment or literal to `code`, sets `self` to the kind of text that
+    /// follows, and returns the text that remains to be read. (Also stops after a `/` that begins no comment;
+    /// `self` is then still `Code`.)
     fn leave_code<'a>(&mut self, text: &'a str, code: &mut String) -> &'a str {
         let Some(at) = text.find(['/', '"', '\'']) else {
             code.push_str(text);

@@ -1,10 +1,11 @@
-//! Finds the file and the line from which a line of a joined text comes.
+//! Finds the file and the line from which a line of a program's text comes. (The text is joined from several
+//! files.)
 
 /// The name that a compiler gives to the whole text of a program if it ignores `#line`, as NVIDIA's compiler does.
 const WHOLE_TEXT: &str = "<kernel>";
 
-/// Returns the compiler's messages with kernel files instead of positions in the whole text `text`: `cast/shade.cl:7:1`
-/// instead of `<kernel>:1042:1`.
+/// Returns the compiler's messages with positions in kernel files, such as `cast/shade.cl:7:1`, instead of
+/// positions in the whole text `text`, such as `<kernel>:1042:1`.
 pub fn in_files(log: &str, text: &str) -> String {
     let located = |word: &str| {
         let (number, rest) = word.strip_prefix(WHOLE_TEXT)?.strip_prefix(':')?.split_once(':')?;
