@@ -58,23 +58,24 @@ fn without_null(schema: &mut Schema) {
     if let ([Value::Object(only)], true) = (&choices[..], choices.len() < before) {
         let only = only.clone();
         schema.remove("anyOf");
-        // The description of the key stays: it says more than that of the key's type.
+        // The key keeps its own description, which says more than the description of the key's type.
         for (keyword, value) in only {
             schema.ensure_object().entry(keyword).or_insert(value);
         }
     }
 }
 
-/// Adds the largest value to the schema of an unsigned 32-bit number, if the schema states none. The crate `schemars`
-/// states only the format `uint32`, which is not part of the standard.
+/// Adds the largest value to the schema of an unsigned 32-bit number, if the schema states none. The crate
+/// `schemars` states no largest value, only the format `uint32`, which the standard of JSON Schema does not
+/// define.
 fn with_largest(schema: &mut Schema) {
     if schema.get("format").is_some_and(|format| format == "uint32") && schema.get("maximum").is_none() {
         schema.insert("maximum".to_owned(), u32::MAX.into());
     }
 }
 
-/// Implements `JsonSchema` for types whose deserialisers are not derived. Each argument of the macro is a type, `=>`
-/// and the type's schema.
+/// Implements `JsonSchema` for types whose schemas are written by hand, not derived. Each argument of the macro
+/// is a type, `=>` and the type's schema.
 macro_rules! schema_by_hand {
     ($($type:ty => $schema:expr;)+) => {$(
         impl $type {

@@ -54,8 +54,10 @@ static USER: OnceLock<Settings> = OnceLock::new();
 ///
 /// # Errors
 ///
-/// Returns an input error with the file, the line and the most similar valid name, or with the environment variable
-/// whose value cannot be used. After an error in the file, no settings of the file apply.
+/// Returns an input error if the file cannot be read or contains a mistake, or if the value of an environment
+/// variable cannot be used. The error names the variable, or the file with the line of the mistake. If a name
+/// in the file is unknown, the error also has the most similar valid name. After an error in the file, no
+/// settings of the file apply.
 pub fn load() -> Result<()> {
     if let Some(folder) = xdg::folder("XDG_CONFIG_HOME", ".config") {
         let settings = read(&folder.join("config.toml"))?;
@@ -69,7 +71,7 @@ pub fn load() -> Result<()> {
 ///
 /// # Errors
 ///
-/// Returns an input error with the environment variable whose value cannot be used.
+/// Returns an input error if the value of an environment variable cannot be used. The error names the variable.
 pub fn check_variables() -> Result<()> {
     for name in [DEVICE, RESULTS] {
         refuse_other_than_utf8(name, std::env::var_os(name))?;

@@ -9,7 +9,7 @@ use nvml_wrapper::struct_wrappers::device::{MemoryInfo, ProcessInfo};
 use nvml_wrapper::{Device, Nvml};
 use std::sync::OnceLock;
 
-/// The sensors of one device, which NVML (NVIDIA's management library) reads.
+/// One device, whose sensors NVML (NVIDIA's management library) reads.
 struct NvmlSensor<D>(D);
 
 /// Returns the sensors of the device with this PCI address or UUID; `None` if NVML is not installed, or does not know
@@ -18,8 +18,8 @@ pub(super) fn find(hardware: &Hardware) -> Option<Box<dyn Sensor>> {
     Some(Box::new(NvmlSensor(device(hardware)?)))
 }
 
-/// Returns how much of the device's memory is in use now; `None` if NVML is not installed, or does not know
-/// the device.
+/// Returns how much of the device's memory is in use now; `None` if NVML is not installed, does not know the
+/// device, or does not report its memory.
 pub(super) fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
     let device = device(hardware)?;
     let memory = device.memory_info().ok()?;
@@ -32,8 +32,8 @@ fn use_of(memory: &MemoryInfo, own_bytes: Option<u64>) -> UsedMemory {
     UsedMemory { total_bytes: memory.total, used_bytes: memory.used, own_bytes }
 }
 
-/// Returns the bytes that the process with this number uses; `None` if the list lacks the process, or does not state
-/// its memory.
+/// Returns the bytes that the process with this number uses; `None` if the list lacks the process, or does not
+/// state how much memory the process uses.
 fn used_by(processes: &[ProcessInfo], id: u32) -> Option<u64> {
     match processes.iter().find(|process| process.pid == id)?.used_gpu_memory {
         UsedGpuMemory::Used(bytes) => Some(bytes),
@@ -43,7 +43,8 @@ fn used_by(processes: &[ProcessInfo], id: u32) -> Option<u64> {
 
 /// Returns the handle by which NVML names a device.
 fn device(hardware: &Hardware) -> Option<Device<'static>> {
-    // The library is loaded once and never unloaded, since its handles live as long as the process.
+    // The library is loaded once and never unloaded, since raycl may use a handle from the library until the
+    // process ends.
     static LIBRARY: OnceLock<Option<Nvml>> = OnceLock::new();
     let library = || LIBRARY.get_or_init(|| Nvml::init().ok()).as_ref();
     let by_bus = |address: &str| library()?.device_by_pci_bus_id(address).ok();

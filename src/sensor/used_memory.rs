@@ -11,7 +11,7 @@ pub struct UsedMemory {
     /// The part of the device's memory that is in use, by any process.
     pub used_bytes: u64,
     /// The part of the device's memory that this process uses. `None` if NVIDIA's management library (NVML)
-    /// does not list this process, as in some containers, or does not state its memory.
+    /// does not list this process, as in some containers, or does not state how much memory this process uses.
     pub own_bytes: Option<u64>,
 }
 

@@ -7,11 +7,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Time between two readings of a sensor.
+/// Pause between two readings of a sensor.
 const PERIOD: Duration = Duration::from_millis(20);
-/// Number of readings that are stored, which cover more than a minute.
+/// Largest number of readings that are stored. So many readings cover more than a minute.
 const MOST_READINGS: usize = 4096;
-/// Shortest interval over which the energy counter is used: the device updates the counter only ten times per second.
+/// Shortest interval over which the energy counter is used: some devices update the counter only about ten
+/// times per second.
 const COUNTER_SPAN: Duration = Duration::from_millis(500);
 
 type Readings = VecDeque<(Instant, Reading)>;
