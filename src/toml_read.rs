@@ -120,8 +120,8 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for StrictVisitor<V> {
         self.visitor.visit_map(Strict(table))
     }
 
-    // The enums of raycl's files are words without inner values, so this method has nothing to wrap in
-    // `Strict`.
+    // Of the enums in raycl's files, serde reads only words without inner values by this method, so the method
+    // has nothing to wrap in `Strict`.
     fn visit_enum<A: EnumAccess<'de>>(self, value: A) -> Result<V::Value, A::Error> {
         self.visitor.visit_enum(value)
     }

@@ -13,8 +13,8 @@
 //! therefore judged almost like a certain pixel. Pixels that are not certain and whose value lies outside their
 //! range are counted, and only few of them are allowed (see [`unexplained_limit`]). The number of pixels that
 //! hit something must lie in, or close to, the range that the reference allows (see `wrong_hits`), since the
-//! result `shadow_rays_per_s` is computed from this number. If the background is transparent, the alpha of
-//! certain pixels must agree with the reference too.
+//! result `shadow_rays_per_s` is computed from this number if pixels have one sample each. If the background is
+//! transparent, the alpha of certain pixels must agree with the reference too.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, alpha_difference, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
