@@ -113,7 +113,8 @@ fn image(built: &Prepared) -> Radiance {
 }
 
 /// Builds a strategy's program from the text that the binary prints for the scene of `stand`. Checks that
-/// this program has all kernels that frames need and, if `casts` is true, that it casts the strategy's image.
+/// this program has all kernels that frames need and, if `casts` is true, that it casts the same image as the program
+/// that raycl builds for this strategy.
 fn check_printed(stand: &Stand, scene: &Path, (name, casts): (&str, bool)) {
     let mut words = name.split(',');
     let mut strategy = preset(words.next().unwrap_or_default()).expect("a preset").strategy;

@@ -45,8 +45,9 @@ fn differ(count: usize) -> String {
 
 /// Formats differences, each with the file, the line, the text in the document, and the text that the records yield.
 fn listed(differences: &[(&str, Difference)]) -> String {
-    let one = |(file, Difference { line, stands, records_say }): &(&str, Difference)| {
-        format!("{file}:{line}: the document has '{stands}', the records give {records_say}")
+    let one = |(file, Difference { line, stands, records_say }): &(&str, Difference)| match line {
+        0 => format!("{file}: {records_say}: '{stands}'"),
+        _ => format!("{file}:{line}: the document has '{stands}', the records give {records_say}"),
     };
     differences.iter().map(one).collect::<Vec<_>>().join("\n")
 }

@@ -84,7 +84,8 @@ pub struct Args {
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024. More samples make edges and soft shadows smoother. With most strategies, N samples
-    /// take about N times as long as one; with strategies that cast tiles, 16 samples take only 6 to 9 times as long.
+    /// take about N times as long as one. With strategies that cast tiles on a CPU, 16 samples take only 6 to 9 times as
+    /// long, unless the scene has a sky or soft shadows.
     /// The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default: 1; with
     /// --adaptive, 16; for a bare mesh without --adaptive, --plain or --devices, 6 where neighbouring pixels differ and
     /// 1 elsewhere]

@@ -206,8 +206,8 @@ impl SceneChoice {
         Ok(loaded)
     }
 
-    /// Returns the scene's name for progress and logs: its name in results or, before the scenes are loaded, the file's
-    /// stem with the suffix.
+    /// Returns the scene's name for progress and logs: its name in results or, before the scenes are loaded, the
+    /// name of the scene's file without its extension, followed by `suffix` (such as `+triangles=1000`).
     pub fn label(&self) -> String {
         let stem = || self.path.file_stem().unwrap_or_default().to_string_lossy();
         self.name.clone().unwrap_or_else(|| line(&stem()).into_owned() + &self.suffix)

@@ -66,7 +66,7 @@ impl Documents {
             self.check(text).into_iter().map(move |difference| (name, difference)).collect::<Vec<_>>()
         };
         let unused = self.unused().into_iter().map(|phrase| {
-            let records_say = "nothing: no document uses this entry; remove it".to_owned();
+            let records_say = "no document uses this entry; remove it".to_owned();
             (sheet::SHEET, Difference { line: 0, stands: phrase, records_say })
         });
         self.texts.iter().flat_map(of).chain(unused).collect()

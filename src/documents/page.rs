@@ -20,7 +20,8 @@ pub struct Difference {
     /// The text that stands in the document, such as a number; for a mistake in a block, the text "the block" and the
     /// block's name; for an unused entry of docs/figures.toml, this entry.
     pub stands: String,
-    /// The text that raycl computes from the records, or the reason why the records yield no text.
+    /// The text that raycl computes from the records, or the reason why the records yield no text; for an unused entry,
+    /// that no document uses it.
     pub records_say: String,
 }
 

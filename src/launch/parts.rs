@@ -32,7 +32,8 @@ pub(super) struct Parts<'a> {
 impl<'a> Parts<'a> {
     /// Returns a kernel with `items` work-items across and down. If `items` is `None`, the kernel gets as many
     /// work-items as the frame's pixels need ([`Self::pixel_items`]). Returns an error if the kernel does not support
-    /// the local size, has sub-groups of a wrong size, or uses more `__local` memory than the user's files state.
+    /// the local size, has sub-groups of a wrong size, or uses more `__local` memory than the headers of the user's kernel
+    /// files state.
     pub fn pixel_kernel(
         &self,
         kernel: &'static manifest::Kernel,

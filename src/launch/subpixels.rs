@@ -73,7 +73,7 @@ pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample
     (arguments.with("sample_x", coordinates(0)).with("sample_y", coordinates(1)), bits)
 }
 
-/// Returns the position of the sample `number` of a frame within its pixel. A sub-pixel without a sample gets
+/// Returns the position, within its pixel, of the sample `number` of a frame. A sub-pixel without a sample gets
 /// the position of the first sample. If the frame has only one sample, the position is the pixel's centre.
 fn position_of(samples: &[Sample], number: usize) -> [f32; 2] {
     let sample = samples.get(number).or(samples.first()).filter(|_| samples.len() > 1);

@@ -222,7 +222,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     };
     let strip = Strip { title: format!("Samples: {}", group_title(group)), rows };
     let caption = format!(
-        "Each dot is a sample; within a row, earlier samples are further up. If a point has more than 120 samples, only every second, third, ... sample has a dot. The lighter bar spans the quartiles, and the darker bar spans the 95% interval of the median. If a point's times drift, its dots lie along a slope. Dots at the left or right edge stand for values beyond the edge. Points with fewer than five samples in a launch, or with a sample of the time 0, have no bars.{shown}"
+        "Each dot is a sample; within a row, earlier samples are further up. If a point has more than 120 samples, only every second, third, ... sample has a dot. The pale, low bar spans the quartiles, and the strong, tall bar spans the 95% interval of the median. If a point's times drift, its dots lie along a slope. Dots at the left or right edge stand for values beyond the edge. Points with fewer than five samples in a launch, or with a sample of the time 0, have no bars.{shown}"
     );
     Some(Plot { name: name.to_owned(), caption, svg: strip.svg(), narrow: strip.narrow_svg() })
 }

@@ -170,8 +170,8 @@ impl Case {
     }
 }
 
-/// The scene that was loaded last. The cases of a scene in several image sizes follow each other in the file,
-/// so their scene is loaded only once. The scene is loaded again if raycl has placed the camera for the shape
+/// The scene that was loaded last. Successive cases often have the same scene in several image sizes (an entry with
+/// `sizes`); this scene is then loaded only once. The scene is loaded again if raycl has placed the camera for the shape
 /// of the images, and the next case's images have another shape.
 #[derive(Debug, Default)]
 pub struct LastScene(Option<Held>);

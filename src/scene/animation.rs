@@ -243,7 +243,7 @@ fn refuse_angle_beside_position(document: &Document, tracks: &[Track]) -> Result
     }
     let message = format!("a track of `{}` beside `camera.position`", angle.path.get_ref());
     let error = document.error(angle.path.span(), message, "this track would have no effect");
-    Err(error.with_help("leave out this track, or the camera's position and its tracks"))
+    Err(error.with_help("leave out this track, or leave out `camera.position` and every track that sets the camera's position"))
 }
 
 #[cfg(test)]

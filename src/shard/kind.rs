@@ -140,7 +140,7 @@ impl Kind {
     }
 }
 
-/// Returns the error for a file of a kind of device that has no complete line.
+/// Returns the error for a file without a complete line; the file should list the points of a kind of device.
 fn no_points(path: &Path) -> Error {
     let message =
         format!("{} has no complete line, but must list the points of a kind of device", path.display());

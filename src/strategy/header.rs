@@ -138,7 +138,7 @@ impl Reader<'_> {
         let further_down = text.lines().position(bare).map(|row| row + 1);
         let mut why = match text.starts_with("//") {
             true => "the file's header has no 'meaning' (the value's meaning, in a line)".to_owned(),
-            false => "the file does not begin with a `//` comment, its header".to_owned(),
+            false => "the file has no header: it does not begin with a `//` comment".to_owned(),
         };
         if let Some(line) = further_down {
             why += &format!("; 'meaning' is only in line {line}");

@@ -148,8 +148,8 @@ fn usual_stack(strategy: &Strategy) -> usize {
     }
 }
 
-/// Returns the number of samples per pixel. The default number for a bare mesh differs from the default
-/// number for a scene file. The file's name decides whether the file counts as a bare mesh, since the file
+/// Returns the number of samples per pixel. The default number for a bare mesh may differ from the
+/// default number for a scene file. The file's name decides whether the file counts as a bare mesh, since the file
 /// has not been read yet.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");

@@ -69,7 +69,7 @@ fn size_of(word: &str) -> Result<Size, String> {
 pub(super) fn local_size(word: &str) -> Result<[u32; 2], String> {
     let size = word.split_once('x').and_then(|(x, y)| Some([x.parse().ok()?, y.parse().ok()?]));
     size.filter(|size| !size.contains(&0)).ok_or_else(|| {
-        format!("'{word}' is not a size; expected a size such as 8x8 (in a point also best, square or host)")
+        format!("'{word}' is not a size; expected a size such as 8x8 (in a point, 'best', 'square' and 'host' are allowed, too)")
     })
 }
 

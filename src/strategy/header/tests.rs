@@ -69,14 +69,14 @@ fn what_is_missing_is_reported_with_what_to_write() {
     mistake(
         "// A test of mine: see below.\n",
         "int x;\n",
-        "line 1: the file does not begin with a `//` comment, its header; 'meaning' is only in line 2",
+        "line 1: the file has no header: it does not begin with a `//` comment; 'meaning' is only in line 2",
         "docs/own-kernels.md",
     );
 }
 
 #[test]
 fn a_header_that_is_not_at_the_files_start_is_reported_with_its_line() {
-    let not_a_comment = "line 1: the file does not begin with a `//` comment, its header";
+    let not_a_comment = "line 1: the file has no header: it does not begin with a `//` comment";
     for (start, said) in [
         ("\n\n", format!("{not_a_comment}; 'meaning' is only in line 4")),
         ("#pragma once\n", format!("{not_a_comment}; 'meaning' is only in line 3")),
