@@ -50,7 +50,11 @@ fn light_of_middle(curve: &[u8]) -> Option<f32> {
             match count {
                 0 => Some(MIDDLE),
                 1 => Some(MIDDLE.powf(f32::from(entry(0)?) / 256.0)),
-                _ => Some(f32::from(entry((count - 1) / 2)?) / f32::from(u16::MAX)),
+                // A table with an even number of entries has two entries beside its middle.
+                _ => {
+                    let [low, high] = [entry((count - 1) / 2)?, entry(count / 2)?].map(f32::from);
+                    Some((low + high) / (2.0 * f32::from(u16::MAX)))
+                }
             }
         }
         // The value 0.5 is assumed to be in the part of the curve that is a power, as it is in sRGB.
@@ -128,12 +132,14 @@ mod tests {
         let usual = [2.4, 1.0 / 1.055, 0.055 / 1.055, 1.0 / 12.92, 0.04045];
         let all: Vec<u16> =
             (0..1024).map(|index| ((index as f32 / 1023.0).powf(2.2) * 65535.0) as u16).collect();
+        let few: Vec<u16> = (0..20).map(|index| ((index as f32 / 19.0).powf(2.2) * 65535.0) as u16).collect();
         for (curve, red, expected) in [
             (parametric(3, &usual), red, true),
             (parametric(4, &[&usual[..], &[0.0, 0.0]].concat()), red, true),
             (parametric(0, &[2.2]), red, true),
             (table(&[563]), red, true),
             (table(&all), red, true),
+            (table(&few), red, true),
             (parametric(3, &usual), adobe, false),
             (table(&[]), red, false),
             (table(&[256]), red, false),

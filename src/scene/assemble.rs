@@ -239,7 +239,7 @@ fn join(
         starts.push(first as u32);
         if document.bare {
             starts.extend(file.more_starts.iter().map(|start| start + first as u32));
-            seen.add(file.camera, file.camera_notes, file.lights);
+            seen.add(file.camera, (file.camera_aspect, file.camera_notes), file.lights);
         }
         mesh.append(file.mesh);
     }
@@ -289,6 +289,8 @@ fn made(
 #[derive(Clone, Default)]
 struct Seen {
     camera: Option<Camera>,
+    /// The ratio of a picture's width to its height for which this camera is meant; `None` if the file has none.
+    camera_aspect: Option<f32>,
     /// Notes that are shown only if the camera of the mesh's file is used.
     camera_notes: Vec<String>,
     lights: Vec<FileLight>,
@@ -296,9 +298,14 @@ struct Seen {
 
 impl Seen {
     /// Adds the camera and the lights of a mesh's file. Of the cameras of several files, the first is used.
-    fn add(&mut self, camera: Option<Camera>, camera_notes: Vec<String>, lights: Vec<FileLight>) {
+    fn add(
+        &mut self,
+        camera: Option<Camera>,
+        (aspect, notes): (Option<f32>, Vec<String>),
+        lights: Vec<FileLight>,
+    ) {
         if self.camera.is_none() {
-            (self.camera, self.camera_notes) = (camera, camera_notes);
+            (self.camera, self.camera_aspect, self.camera_notes) = (camera, aspect, notes);
         }
         self.lights.extend(lights);
     }

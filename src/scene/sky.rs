@@ -189,10 +189,11 @@ fn wrong_value([across, _]: [u32; 2], texels: &[[f32; 3]], most: f32) -> Option<
     Some(format!("a value of {:?} in column {x}, row {y} (from 0)", texels[at]))
 }
 
-/// Returns a remark on texels with an alpha other than 1; `None` if there are none.
+/// Returns a remark on texels with an alpha other than 1, apart from rounding errors; `None` if there are none.
 fn clear_texels(picture: &DynamicImage) -> Option<String> {
     let DynamicImage::ImageRgba32F(picture) = picture else { return None };
-    let count = picture.pixels().filter(|texel| texel.0[3] != 1.0).count();
+    let is_opaque = |alpha: f32| (alpha - 1.0).abs() <= 1e-3;
+    let count = picture.pixels().filter(|texel| !is_opaque(texel.0[3])).count();
     (count > 0)
         .then(|| format!("has an alpha other than 1 in {}; alpha is not used", counted(count, "texel")))
 }
@@ -324,7 +325,7 @@ mod tests {
             assert_eq!((&*read.texels, read.unread.len()), (&[[1.0, 2.0, 3.0]; 2][..], 0));
             read.remarks
         };
-        assert_eq!(remarks([1.0, 1.0]), [""; 0]);
+        assert_eq!(remarks([1.0, 0.999_999_9]), [""; 0]);
         assert_eq!(remarks([1.0, 0.0]), ["has an alpha other than 1 in 1 texel; alpha is not used"]);
         let path = folder.path().join("sky.hdr");
         let remarks = |rest: &[u8]| {

@@ -90,6 +90,7 @@ fn base_camera(
     };
     if let Some(camera) = seen.camera.filter(|_| !wire.is_framed() && wire.up.is_none()) {
         notes.extend(seen.camera_notes.iter().cloned());
+        notes.extend(seen.camera_aspect.and_then(|aspect| note_aspect(aspect, shot.aspect)));
         return camera;
     }
     let degrees = |azimuth: Option<f32>| azimuth.map(f64::from);
@@ -101,6 +102,17 @@ fn base_camera(
         shot,
     };
     framing::camera(mesh, ball, &view)
+}
+
+/// Returns a note if a mesh file's camera is meant for pictures of another aspect ratio (`stated`) than that of the
+/// pictures (`own`); `None` if the two differ by at most a hundredth.
+fn note_aspect(stated: f32, own: f64) -> Option<String> {
+    let differs = (f64::from(stated) / own - 1.0).abs() > 0.01;
+    differs.then(|| {
+        format!(
+            "the camera's aspectRatio of {stated} is not used: the pictures' size gives {own:.3}; see --width"
+        )
+    })
 }
 
 /// Returns the base camera with the values that the scene file sets, including the field of view `lens`. If
@@ -175,4 +187,17 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, directio
     document
         .error(at([0, 1, 2]), message, "no upward direction")
         .with_help(format!("choose an `up` that is not parallel to the view direction, such as {usable}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_aspect_ratio_of_a_files_camera_is_noted_if_the_pictures_have_another() {
+        let note = "the camera's aspectRatio of 1.5 is not used: the pictures' size gives 1.778; see --width";
+        assert_eq!(note_aspect(1.5, 16.0 / 9.0).as_deref(), Some(note));
+        assert_eq!(note_aspect(1.777_777_8, 1920.0 / 1080.0), None);
+        assert_eq!(note_aspect(1.5, 1.5 * 1.009), None);
+    }
 }

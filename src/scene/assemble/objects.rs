@@ -78,7 +78,13 @@ pub(super) fn unused_creases(document: &Document, scene: &SceneWire, files: &[Me
         |(object, file): (&ObjectWire, &MeshFile)| object.crease.is_none() && file.creased;
     let of_scene = scene.crease.as_ref().map(Spanned::span);
     let of_scene = of_scene.filter(|span| document.is_written(span) && !objects().any(uses_that_of_scene));
-    let reason = "each object is flat, has normals at all corners, or has a crease angle of its own";
+    let reason = match scene.object.len() {
+        1 => "the object has normals at all corners, or is flat (as is a glTF without normals)",
+        _ => {
+            "each object has normals at all corners, is flat (as is a glTF without normals), or has a crease angle of \
+             its own"
+        }
+    };
     own.chain(of_scene.map(|span| (span, reason)))
         .map(|(span, reason)| {
             format!("{}: this crease angle has no effect, since {reason}", document.location_of(&span))

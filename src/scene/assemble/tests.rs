@@ -1105,14 +1105,16 @@ fn a_crease_angle_without_effect_is_noted() {
     assert_eq!(notes(&format!("{a}crease = 30\n")), [at(3, with_normals)]);
     assert_eq!(notes(&format!("{b}crease = 30\n")), [""; 0]);
     assert_eq!(notes(&format!("{b}flat = true\ncrease = 30\n")), [at(4, "the object is flat")]);
-    let none = "each object is flat, has normals at all corners, or has a crease angle of its own";
-    assert_eq!(notes(&format!("crease = 30\n{a}")), [at(1, none)]);
+    let only = "the object has normals at all corners, or is flat (as is a glTF without normals)";
+    let none = "each object has normals at all corners, is flat (as is a glTF without normals), or has a crease angle \
+                of its own";
+    assert_eq!(notes(&format!("crease = 30\n{a}")), [at(1, only)]);
     assert_eq!(notes(&format!("crease = 30\n{a}{b}")), [""; 0]);
     assert_eq!(notes(&format!("crease = 30\n{a}{b}crease = 40\n")), [at(1, none)]);
     // A bare mesh has a default crease angle, which causes no note.
     assert_eq!(notes_of(&mesh, &[]), [""; 0]);
     let set = notes_of(&mesh, &[("crease".to_owned(), Value::from(20))]);
-    assert!(set.len() == 1 && set[0].contains(none) && !set[0].contains("a.obj:"), "{set:?}");
+    assert!(set.len() == 1 && set[0].contains(only) && !set[0].contains("a.obj:"), "{set:?}");
 }
 
 #[test]

@@ -53,6 +53,8 @@ pub(in crate::scene) struct MeshFile {
     pub more_starts: Vec<u32>,
     /// The first usable camera of the file, moved and scaled like the mesh; `None` if there is none.
     pub camera: Option<Camera>,
+    /// The ratio of a picture's width to its height for which the file's camera is meant; `None` if the file has none.
+    pub camera_aspect: Option<f32>,
     /// Notes for the user that are shown only if the file's camera is used.
     pub camera_notes: Vec<String>,
     /// The file's lights, moved and scaled like the mesh.

@@ -62,6 +62,8 @@ pub(in crate::scene) struct Pictures {
     decoded: HashMap<PathBuf, Parsed<Decoded>>,
     /// The index in `list` of each texture, by picture and usage.
     known: HashMap<(PathBuf, Usage), u32>,
+    /// For textures in `list`, by their indices: true if a texel is not opaque.
+    alphas: HashMap<u32, bool>,
     /// The number of texels of all pictures in `decoded`. Textures of the same picture share its texels, except masks
     /// whose alpha is made from brightness; the texels of such masks are not counted.
     texels: usize,
@@ -122,14 +124,17 @@ impl Pictures {
     /// Records that the alpha of a texture is not used, if a texel is not opaque. `number` is the texture's index in
     /// `list`, and `name` the name of its file.
     pub fn leave_out_alpha(&mut self, number: u32, name: &str) {
-        if has_alpha(&self.list[number as usize]) {
+        let Self { list, alphas, .. } = self;
+        // Many materials may use the same texture, and the search for a texel with alpha takes time.
+        if *alphas.entry(number).or_insert_with(|| has_alpha(&list[number as usize])) {
             self.unused.add(Part::Alpha, quoted_name(name), "");
         }
     }
 
-    /// Returns notes on the parts of pictures that are not used. If `quotes` is true, the notes name a picture.
-    pub fn notes(&self, quotes: bool) -> impl Iterator<Item = String> {
-        self.unused.notes(quotes)
+    /// Returns notes on the parts of pictures that are not used, except the parts `unnoted`. If `quotes` is true, the
+    /// notes name a picture.
+    pub fn notes(&self, quotes: bool, unnoted: &[Part]) -> impl Iterator<Item = String> {
+        self.unused.notes(quotes, unnoted)
     }
 }
 
@@ -319,7 +324,7 @@ mod tests {
             "orientation of 1 texture is not used (image 1: Exif 3): the picture is neither turned nor mirrored",
             "animation of 1 texture is not used (image 2): only one picture is shown",
         ];
-        assert_eq!(pictures.notes(true).collect::<Vec<_>>(), expected);
+        assert_eq!(pictures.notes(true, &[]).collect::<Vec<_>>(), expected);
     }
 
     #[test]

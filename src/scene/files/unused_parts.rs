@@ -34,9 +34,9 @@ impl UnusedParts {
         self.0.entry(part).or_default().insert(name, stated.to_owned());
     }
 
-    /// Returns a note for each part. If `quotes` is true, the notes name a picture.
-    pub fn notes(&self, quotes: bool) -> impl Iterator<Item = String> {
-        self.0.iter().filter_map(move |(part, pictures)| {
+    /// Returns a note for each part, except for the parts `unnoted`. If `quotes` is true, the notes name a picture.
+    pub fn notes(&self, quotes: bool, unnoted: &[Part]) -> impl Iterator<Item = String> {
+        self.0.iter().filter(|(part, _)| !unnoted.contains(part)).filter_map(move |(part, pictures)| {
             let ((what, instead), (name, stated)) = (part.words(), pictures.first_key_value()?);
             let such_as = if pictures.len() == 1 { "" } else { "for example " };
             let stated = if stated.is_empty() { String::new() } else { format!(": {stated}") };
@@ -62,8 +62,9 @@ mod tests {
             "colour space of 1 texture is not used (`c.png`: gAMA 1): values count as sRGB",
             "alpha of 2 textures is not used (for example `a.png`): without a map_d, a surface has no holes",
         ];
-        assert_eq!(unused.notes(true).collect::<Vec<_>>(), expected);
-        let first = unused.notes(false).next();
+        assert_eq!(unused.notes(true, &[]).collect::<Vec<_>>(), expected);
+        let first = unused.notes(false, &[]).next();
         assert_eq!(first.as_deref(), Some("colour space of 1 texture is not used: values count as sRGB"));
+        assert_eq!(unused.notes(true, &[Part::ColourSpace]).collect::<Vec<_>>(), expected[1..]);
     }
 }

@@ -306,6 +306,9 @@ fn what_a_material_has_and_needs_not_be_done_is_not_noted() {
     let mtl = "# map_Kd\nnewmtl a\nmap_Ks\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
                illum 2\nPm 0\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";
     assert_eq!(notes_of("usemtl a\nf 1 2 3\nusemtl b", mtl), Vec::<String>::new());
+    // The fourth number is not part of the colour; another note counts it.
+    let four = notes_of("usemtl a\nf 1 2 3", "newmtl a\nKa 0 0 0 1\n");
+    assert!(four.iter().all(|note| !note.contains("ambient")), "{four:?}");
     // The unsupported features of a material that no face uses add no note.
     assert_eq!(notes_of("usemtl a", "newmtl a\nnewmtl b\nmap_Kd b.png\n"), Vec::<String>::new());
 }

@@ -100,10 +100,8 @@ impl Maps {
         let mask = load(&self.mask, Usage::mask(wrap, LEAST_ALPHA), ["mask", "its surface has no holes"]);
         let emission =
             load(&self.emission, Usage::colour(wrap), ["emission texture", "its surface emits no light"]);
-        for (map, number) in [(&self.colour, colour), (&self.emission, emission)] {
-            if let (Some(map), Some(number), None) = (map, number, &self.mask) {
-                pictures.leave_out_alpha(number, map.name());
-            }
+        if let (Some(map), Some(number), None) = (&self.colour, colour, &self.mask) {
+            pictures.leave_out_alpha(number, map.name());
         }
         mask.iter().for_each(|mask| brightness_to_alpha(&mut pictures.list[*mask as usize]));
         let coloured = [(&self.colour, colour), (&self.emission, emission)];
@@ -369,7 +367,7 @@ pub(super) fn apply(
     }
     notes.extend(unusable.rest("texture"));
     notes.extend(namesakes.note("texture", reach.permitted.quotes));
-    notes.extend(pictures.notes(reach.permitted.quotes));
+    notes.extend(pictures.notes(reach.permitted.quotes, &[]));
     note_black(maps, &loaded, notes);
     let mut without = Vec::new();
     let rows = mesh.triangles.iter().zip(&faces.corners).enumerate().map(|(number, (triangle, corners))| {

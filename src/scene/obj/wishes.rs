@@ -34,7 +34,9 @@ pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
 /// and `map_Ke`, which other modules read.
 pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
-    let values = || tokens(rest).filter_map(number);
+    // Another note counts lines with too many numbers.
+    let most = of_numbers(&lower).map_or(usize::MAX, |(_, most)| most);
+    let values = || tokens(rest).filter_map(number).take(most);
     let any = |holds: fn(f32) -> bool| values().any(holds);
     // Some exporters write the keyword of a texture map without the name of a file.
     let names_file = || tokens(rest).next().is_some();

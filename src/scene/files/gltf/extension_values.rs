@@ -3,10 +3,9 @@
 
 use super::Parsed;
 use super::materials::extension;
-use super::textures::{TRANSFORM, colour_texture, texture_extension};
+use super::textures::{TRANSFORM, colour_texture, texture_extension, texture_info};
 use gltf::json::Root;
 use gltf::json::material::Material as Wire;
-use gltf::json::texture::Info;
 use serde_json::Value;
 
 /// The valid forms of a value.
@@ -46,7 +45,7 @@ impl Form {
             Self::List(count) => {
                 value.as_array().is_some_and(|list| list.len() == count && list.iter().all(Value::is_number))
             }
-            Self::Texture => serde_json::from_value::<Info>(value.clone()).is_ok(),
+            Self::Texture => texture_info(value).is_some(),
         }
     }
 
@@ -152,6 +151,8 @@ mod tests {
         let older = format!(r#"{{"diffuseFactor": [1, 0, 0, 1], "diffuseTexture": {}}}"#, info(transform));
         for extensions in [
             format!(r#"{{"KHR_materials_pbrSpecularGlossiness": {older}}}"#),
+            r#"{"KHR_materials_pbrSpecularGlossiness": {"diffuseTexture": {"index": 0, "extras": 5}}}"#
+                .to_owned(),
             r#"{"KHR_materials_emissive_strength": {"emissiveStrength": 0}}"#.to_owned(),
             r#"{"KHR_materials_emissive_strength": {}, "KHR_materials_clearcoat": 5}"#.to_owned(),
         ] {

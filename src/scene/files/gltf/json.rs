@@ -78,7 +78,7 @@ fn complete(of: &mut Map<String, Value>, list: &str, key: &str, usual: &Value) {
 }
 
 /// Removes names and application-specific data (`extras`) from a value and from all values in it.
-fn strip(value: &mut Value) {
+pub(super) fn strip(value: &mut Value) {
     match value {
         Value::Object(object) => {
             object.remove("extras");

@@ -20,6 +20,7 @@ mod textures;
 mod transforms;
 
 use super::flaw::{Flaw, Named};
+use super::unused_parts::Part;
 use super::{MeshFile, Pictures};
 use crate::error::Result;
 use crate::scene::obj::{self, Reach, quoted};
@@ -52,7 +53,8 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let files = Files { root: &root, buffers: &buffers, reach };
     files.keep_pictures();
     let maps = files.colour_maps(&used, &mut materials.list[1..], &mut pictures, &mut notes);
-    notes.extend(pictures.notes(quotes));
+    // glTF orders readers to ignore colour profiles and animations of pictures (2.0, 3.8.2).
+    notes.extend(pictures.notes(quotes, &[Part::ColourSpace, Part::Animation]));
     let numbers = Numbers::of_file(&root, &buffers);
     memory::hold(name, numbers, &placed, &maps)?;
     let walk = Walk::of(numbers, &placed, &maps).map_err(|flaw| named.error(flaw))?;

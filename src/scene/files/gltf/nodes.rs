@@ -260,6 +260,7 @@ impl<'a> Walk<'a> {
         notes.extend(self.left_out.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
         let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
+        let camera_aspect = self.cameras.first().and_then(|(.., lens)| lens.aspect_ratio);
         let lights = self.lights.into_iter().map(|light| light.placed_by(&placement)).collect();
         let more_starts = self.starts.into_iter().skip(1).collect();
         Ok(MeshFile {
@@ -267,6 +268,7 @@ impl<'a> Walk<'a> {
             placement,
             more_starts,
             camera,
+            camera_aspect,
             camera_notes,
             lights,
             notes,

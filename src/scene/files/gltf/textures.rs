@@ -3,6 +3,7 @@
 
 use super::Parsed;
 use super::buffers::{Bytes, decoded, unescaped};
+use super::json;
 use super::materials::{emits, extension, least_alpha};
 use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage};
@@ -221,9 +222,16 @@ fn sampler_options(root: &Root, info: Info) -> impl Iterator<Item = &'static str
 pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness");
     match older {
-        Some(older) => serde_json::from_value(older.get("diffuseTexture")?.clone()).ok(),
+        Some(older) => texture_info(older.get("diffuseTexture")?),
         None => wire.pbr_metallic_roughness.base_color_texture.clone(),
     }
+}
+
+/// Reads a texture in an extension of a material; `None` if `value` is not a texture. Its `extras` may be anything.
+pub(super) fn texture_info(value: &serde_json::Value) -> Option<Info> {
+    let mut value = value.clone();
+    json::strip(&mut value);
+    serde_json::from_value(value).ok()
 }
 
 /// Returns the texture of a material's emitted light; `None` if there is none, if the material emits no light, or if

@@ -123,7 +123,8 @@ impl PropertyAccess for Face {
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        if is_corners(name) {
+        // A number of this name is no list of corners.
+        if is_corners(name) && number(&property).is_none() {
             self.0 = Some(property);
             return PropertyAccessResult::Set;
         }

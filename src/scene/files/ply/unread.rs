@@ -23,7 +23,9 @@ pub(super) fn check(header: &Header) -> Result<(), Flaw> {
 
 fn check_twice(kind: &str, element: &ElementDef) -> Result<(), Flaw> {
     let (read, unread) = parted(kind, element);
-    let is_list = |property: &&PropertyDef| kind != "vertex" && is_corners(&property.name);
+    let is_list = |property: &&PropertyDef| {
+        kind != "vertex" && is_corners(&property.name) && matches!(property.data_type, PropertyType::List(..))
+    };
     let mut lists = element.properties.values().filter(is_list);
     let two = (lists.next(), lists.next());
     let same = unread.iter().find(|other| read.iter().any(|one| one.name == other.name));

@@ -110,10 +110,6 @@ impl Walk<'_> {
             notes.extend((!is_beyond(camera.z_near)).then(|| unseen.to_owned()));
             let note = |far| format!("the camera's zfar of {far} is not used: surfaces beyond it are drawn");
             notes.extend(lens.zfar.filter(|far| is_beyond(*far)).map(note));
-            let note = |ratio| {
-                format!("the camera's aspectRatio of {ratio} is not used: the picture's size decides")
-            };
-            notes.extend(lens.aspect_ratio.map(note));
         }
         notes
     }

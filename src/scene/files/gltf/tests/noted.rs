@@ -68,21 +68,20 @@ fn a_light_without_a_direction_and_one_outside_the_scene_are_noted() {
 }
 
 #[test]
-fn the_ratio_of_a_camera_and_a_znear_that_is_not_valid_are_noted() {
+fn the_ratio_of_a_camera_is_kept_and_a_znear_that_is_not_valid_is_noted() {
     let with = |lens: &str| {
         let lens = format!(r#"{{"yfov": 1, {lens}}}"#);
         let camera = format!(r#""cameras": [{{"type": "perspective", "perspective": {lens}}}]"#);
         let file = with_node(&camera, r#""camera": 0, "translation": [0, 0, 9]"#);
-        (file.camera.unwrap().z_near, file.notes, file.camera_notes)
+        (file.camera.unwrap().z_near, file.notes, file.camera_aspect)
     };
-    let ratio = "the camera's aspectRatio of 1.5 is not used: the picture's size decides";
-    assert_eq!(with(r#""znear": 0.1, "aspectRatio": 1.5"#), (0.1, Vec::new(), vec![ratio.to_owned()]));
+    assert_eq!(with(r#""znear": 0.1, "aspectRatio": 1.5"#), (0.1, Vec::new(), Some(1.5)));
     let note = "1 camera with a znear that is not a number, 0 or more is used with a znear of 0";
     for near in ["-5", "1e39"] {
-        let expected = (0.0, vec![note.to_owned()], Vec::new());
+        let expected = (0.0, vec![note.to_owned()], None);
         assert_eq!(with(&format!(r#""znear": {near}"#)), expected, "{near}");
     }
-    assert_eq!(with(r#""znear": 0"#), (0.0, Vec::new(), Vec::new()));
+    assert_eq!(with(r#""znear": 0"#), (0.0, Vec::new(), None));
 }
 
 #[test]

@@ -106,16 +106,14 @@ fn two_properties_for_the_same_value_are_refused() {
             &*list("vertex_indices"),
             "`face` has two lists of corners, `vertex_indices` and `vertex_indices`;",
         ),
-        (
-            "",
-            "property int vertex_index\n",
-            "`face` has two lists of corners, `vertex_indices` and `vertex_index`;",
-        ),
         ("property float x\n", "", "`vertex` has two properties `x`; expected one of them"),
     ] {
         let error = parse("a.ply", triangle_with(vertex, face).as_bytes()).err().unwrap();
         assert!(error.to_string().starts_with(&format!("a.ply: {expected}")), "{error}");
     }
+    // A number is no list of corners.
+    let number = notes(&triangle_with("", "property int vertex_index\n"));
+    assert_eq!(number, ["1 property of 1 face is not read (`vertex_index`)"]);
     // Two properties that are not read cause no error.
     let twice = notes(&triangle_with(&properties(&["s", "s"]), ""));
     assert_eq!(twice, ["2 properties of 3 vertices are not read (`s`, `s`)"]);
