@@ -205,6 +205,11 @@ fn sampler_options(root: &Root, info: Info) -> impl Iterator<Item = &'static str
             match sampler.min_filter {
                 Some(Checked::Valid(MinFilter::Nearest)) => Some("minFilter NEAREST"),
                 Some(Checked::Valid(MinFilter::Linear)) => Some("minFilter LINEAR"),
+                Some(Checked::Valid(
+                    MinFilter::NearestMipmapNearest
+                    | MinFilter::NearestMipmapLinear
+                    | MinFilter::LinearMipmapNearest,
+                )) => Some("minFilter with NEAREST"),
                 Some(Checked::Invalid) => Some("unknown minFilter"),
                 _ => None,
             },

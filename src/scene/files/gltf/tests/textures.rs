@@ -179,6 +179,9 @@ fn a_sampler_that_asks_for_another_filter_or_does_not_exist_is_noted() {
         (r#""magFilter": 1234"#, "unknown magFilter"),
         (r#""minFilter": 9728"#, "minFilter NEAREST"),
         (r#""minFilter": 9729"#, "minFilter LINEAR"),
+        (r#""minFilter": 9984"#, "minFilter with NEAREST"),
+        (r#""minFilter": 9985"#, "minFilter with NEAREST"),
+        (r#""minFilter": 9986"#, "minFilter with NEAREST"),
         (r#""minFilter": 1"#, "unknown minFilter"),
     ] {
         assert_eq!(notes(filter), [expected.replace("magFilter NEAREST", option)], "{filter}");
