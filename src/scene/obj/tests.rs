@@ -326,6 +326,10 @@ fn what_a_mesh_asks_for_is_noted_by_name_and_count() {
     let cases = [
         ("l 1 2\nl 2 3", "2 statements ask for lines (l)"),
         ("p 1", "1 statement asks for points (p)"),
+        (
+            "#MRGB ff00ff00\n# MRGB\n#MRGB ffff0000",
+            "2 statements ask for colours of vertices in comments (#MRGB), which raycl does not support",
+        ),
         ("cstype bezier\ndeg 3\ncurv 0 1 1 2\nsurf 0 1 0 1 1\nend", "curves and surfaces (curv 1, surf 1)"),
         ("usemap wood", "asks for textures (usemap)"),
         ("bevel on\nlod 3\nshadow_obj a", "display attributes (bevel 1, lod 1, shadow_obj 1)"),

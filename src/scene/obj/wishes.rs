@@ -13,6 +13,8 @@ use super::text::{number, tokens};
 pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let off = || matches!(tokens(rest).next(), None | Some(b"off" | b"0"));
     let wish = match keyword {
+        // ZBrush writes the colours of vertices into comments.
+        b"#MRGB" => Wish::Paint,
         [b'#', ..] | b"" | b"vt" | b"o" | b"g" | b"mg" | b"vp" => return,
         b"cstype" | b"deg" | b"bmat" | b"step" | b"parm" | b"trim" | b"hole" | b"scrv" | b"sp" | b"end"
         | b"con" | b"maplib" => return,

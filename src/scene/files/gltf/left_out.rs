@@ -44,6 +44,10 @@ pub(super) struct LeftOut {
     pub flat_lights: usize,
     /// The number of nodes with a light that are not in the shown scene.
     pub other_lights: usize,
+    /// The number of nodes with a mesh that are not in the shown scene, which has other meshes.
+    pub other_meshes: usize,
+    /// The number of meshes that no node names, if the shown scene has other meshes.
+    pub nowhere: usize,
     /// The number of primitives whose node has a skin that does not place them: they have no joints and weights, or no
     /// joint of the skin is valid.
     pub unskinned: usize,
@@ -120,7 +124,7 @@ impl LeftOut {
     }
 
     /// Returns the counts of cameras, of lights, and of meshes that no node of the scene places.
-    fn seen(&self) -> [Counted; 13] {
+    fn seen(&self) -> [Counted; 15] {
         [
             (self.unplaced, "mesh that no node of the scene places", "shown without a transform"),
             (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
@@ -151,6 +155,8 @@ impl LeftOut {
                 "shown as shining along -y: the scales of nodes must not be 0",
             ),
             (self.other_lights, "light without a place in the shown scene", "not used"),
+            (self.other_meshes, "node with a mesh, outside the shown scene,", "left out"),
+            (self.nowhere, "mesh that no node names", "left out"),
         ]
     }
 

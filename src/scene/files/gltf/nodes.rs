@@ -92,7 +92,8 @@ impl<'a> Walk<'a> {
             let Some(node) = numbers.root.get(*index) else { continue };
             walk.visit(node, *transform).map_err(|flaw| flaw.within(&format!("node {}", index.value())))?;
         }
-        if walk.starts.is_empty() {
+        let has_meshes = !walk.starts.is_empty();
+        if !has_meshes {
             walk.add_unplaced()?;
         }
         let outside = |has: fn(&Node) -> bool| {
@@ -102,6 +103,11 @@ impl<'a> Walk<'a> {
         };
         walk.left_out.other_cameras = outside(|node| node.camera.is_some());
         walk.left_out.other_lights = outside(|node| light_of(node).is_some());
+        // Without a mesh in the shown scene, all meshes are shown.
+        if has_meshes {
+            walk.left_out.other_meshes = outside(|node| node.mesh.is_some());
+            walk.left_out.nowhere = nowhere(numbers.root);
+        }
         walk.left_out.check(walk.triangles.len())?;
         Ok(walk)
     }
@@ -275,6 +281,12 @@ impl<'a> Walk<'a> {
             ..MeshFile::default()
         })
     }
+}
+
+/// Returns the number of the file's meshes that no node names.
+fn nowhere(root: &Root) -> usize {
+    let named: HashSet<usize> = root.nodes.iter().filter_map(|node| Some(node.mesh?.value())).collect();
+    (0..root.meshes.len()).filter(|mesh| !named.contains(mesh)).count()
 }
 
 /// Returns the mesh of each node in `placed` that has a mesh. If no node has a mesh, returns all meshes of

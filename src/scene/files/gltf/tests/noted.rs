@@ -26,7 +26,7 @@ fn the_last_row_of_a_matrix_is_not_used_even_below_other_nodes() {
 fn nodes_below_themselves_are_refused_also_without_a_scene() {
     let nodes = r#""translation": [0, 0, 5]}, {"children": [2, 1]}, {"mesh": 0}"#;
     let text = triangle().replace(r#""translation": [0, 0, 5]}"#, nodes);
-    assert_noted(&text, &[]);
+    assert_noted(&text, &["1 node with a mesh, outside the shown scene, is left out"]);
     let error = read(&text.replace("\"scenes\": [{\"nodes\": [0]}],\n", "")).err().unwrap().to_string();
     assert_eq!(error, "a.gltf: node 1 descends from a node that descends from itself");
 }
@@ -188,4 +188,13 @@ fn a_mesh_that_several_nodes_place_is_noted_once() {
         "1 corner after the last whole triangle is left out",
     ];
     assert_eq!(notes, kinds);
+}
+
+#[test]
+fn meshes_outside_the_shown_scene_and_meshes_without_a_node_are_noted() {
+    let outside = triangle().replace("[0, 0, 5]}", r#"[0, 0, 5]}, {"mesh": 0}"#);
+    assert_noted(&outside, &["1 node with a mesh, outside the shown scene, is left out"]);
+    let mesh = r#"{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}"#;
+    let nowhere = triangle().replace(mesh, &format!("{mesh}, {mesh}, {mesh}"));
+    assert_noted(&nowhere, &["2 meshes that no node names are left out"]);
 }
