@@ -47,7 +47,7 @@ pub(super) struct LeftOut {
     /// The number of nodes with a mesh that are not in the shown scene, which has other meshes.
     pub other_meshes: usize,
     /// The number of meshes that no node names, if the shown scene has other meshes.
-    pub nowhere: usize,
+    pub nodeless: usize,
     /// The number of primitives whose node has a skin that does not place them: they have no joints and weights, or no
     /// joint of the skin is valid.
     pub unskinned: usize,
@@ -156,7 +156,7 @@ impl LeftOut {
             ),
             (self.other_lights, "light without a place in the shown scene", "not used"),
             (self.other_meshes, "node with a mesh, outside the shown scene,", "left out"),
-            (self.nowhere, "mesh that no node names", "left out"),
+            (self.nodeless, "mesh that no node names", "left out"),
         ]
     }
 

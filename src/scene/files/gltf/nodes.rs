@@ -106,7 +106,7 @@ impl<'a> Walk<'a> {
         // Without a mesh in the shown scene, all meshes are shown.
         if has_meshes {
             walk.left_out.other_meshes = outside(|node| node.mesh.is_some());
-            walk.left_out.nowhere = nowhere(numbers.root);
+            walk.left_out.nodeless = nodeless(numbers.root);
         }
         walk.left_out.check(walk.triangles.len())?;
         Ok(walk)
@@ -284,7 +284,7 @@ impl<'a> Walk<'a> {
 }
 
 /// Returns the number of the file's meshes that no node names.
-fn nowhere(root: &Root) -> usize {
+fn nodeless(root: &Root) -> usize {
     let named: HashSet<usize> = root.nodes.iter().filter_map(|node| Some(node.mesh?.value())).collect();
     (0..root.meshes.len()).filter(|mesh| !named.contains(mesh)).count()
 }
