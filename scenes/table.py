@@ -93,7 +93,8 @@ def globe():
     layers = [(Noise(4 << i, 2 << i, 11 + i), 0.5**i) for i in range(5)]
 
     def colour(u, v):
-        # Towards the poles, columns are narrow on the globe, so the noise fades there; ice begins there too.
+        # Towards the poles, the picture's columns become narrow on the globe. The noise is therefore weaker there.
+        # Near the poles, ice covers land and sea.
         flat = math.sin(math.pi * v)
         height = sum(weight * (noise.at(u, v) - 0.5) for noise, weight in layers) * (0.4 + 0.6 * flat)
         ice = abs(v - 0.5) > 0.42 + 0.05 * height

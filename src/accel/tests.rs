@@ -28,7 +28,8 @@ fn random_point(rng: &mut ChaCha8Rng) -> Vec3 {
     Vec3::from_array(rng.random()) * 2.0 - 1.0
 }
 
-/// Returns `count` random triangles of size `edge` in a cube of side 2, all multiplied by `scale`.
+/// Returns `count` random triangles around random points of a cube of side 2. Along each axis, a triangle's corners are
+/// at most `edge` from its point. All coordinates are multiplied by `scale`.
 fn random_mesh(seed: u64, count: usize, edge: f32, scale: f32) -> Mesh {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     mesh_of((0..count).map(|_| {
@@ -160,8 +161,8 @@ fn triangles_far_apart_along_each_axis_keep_the_depth_bounded() {
     assert!((64..=64 + 10).contains(&bvh.depth), "depth {}", bvh.depth);
 }
 
-/// The mesh has a row of five thousand triangles on one side, and a hundred triangles on the other side. Each
-/// of the hundred triangles is half as far from the origin as the previous triangle.
+/// The mesh has a row of five thousand triangles on one side of the origin, and a hundred triangles on the other
+/// side. Each of the hundred triangles is half as far from the origin as the previous triangle.
 #[test]
 fn the_depth_is_that_of_the_deeper_side() {
     for side in [1.0, -1.0] {
@@ -183,7 +184,7 @@ fn coordinates_near_the_largest_float() {
     build::build(&mesh, 4, Some(100)).validate(&mesh).unwrap();
 }
 
-/// A fifth of the triangles lie in one cell, so that this cell has many more triangles than all others.
+/// A fifth of the triangles lie in one cell, so that this cell has many more triangles than any other cell.
 #[test]
 fn a_large_tree_over_cells_is_right_and_the_same_for_any_number_of_threads() {
     let mut mesh = random_mesh(17, 100_000, 0.01, 1.0);
@@ -367,7 +368,7 @@ fn the_fingerprint_is_that_of_this_builder() {
         mesh.normals = vec![Vec3::Y];
         hash_trees(&mut hasher, &mesh);
     }
-    // This test's mesh has so many triangles that all cores together cut the root of its tree.
+    // The following mesh has so many triangles that all cores together cut the root of its tree.
     let order = Bvh::build(&random_mesh(15, 70_000, 0.01, 1.0), 4).order;
     order.iter().for_each(|number| _ = hasher.update(&number.to_le_bytes()));
     let actual = &hasher.finalize().to_hex()[..16];

@@ -381,7 +381,7 @@ fn unknown_names_are_refused_with_the_nearest() {
         &GOOD.replace("teapot", "teepot"),
         &["no scene file '../scenes/teepot.toml'", "3:11", "did you mean ../scenes/teapot.toml?"],
     );
-    // The config itself has the most similar name, but it is no scene.
+    // Of all files here, the config `test.toml` has the name most similar to `tent.toml`, but a config is no scene.
     let text = GOOD.replace("../scenes/teapot.toml", "tent.toml");
     refuses(&text, &["no scene file 'tent.toml'", "paths are relative to the config file"]);
 }
@@ -571,8 +571,8 @@ fn a_bad_override_is_shown_in_its_own_words() {
     assert!(
         refusal(GOOD, &[("timing..seed", "3")]).contains("--set timing..seed=3: 'timing..seed' is not a key")
     );
-    // If the key were not checked, the line made of key and value would be a comment of TOML, and the option
-    // `--set` would do nothing.
+    // If keys were not checked, the line `#timing.seed = 3` would be a comment of TOML, and this `--set` would do
+    // nothing.
     assert!(refusal(GOOD, &[("#timing.seed", "3")]).contains("'#timing.seed' is not a key"));
     for (key, whole) in [
         ("strategy.5.width", r#"--set strategy='[{ preset = "naive" }]'"#),
@@ -771,7 +771,7 @@ fn a_message_and_its_label_are_not_mixed_up() {
     }
 }
 
-/// raycl reads an experiment several times: for each of two folders of kernels, for each shard, and to resume a run.
+/// raycl may read an experiment several times: for each of two folders of kernels, for each shard, and to resume a run.
 #[test]
 fn an_experiment_is_not_read_from_standard_input() {
     let error = load(Path::new("-"), &[]).expect_err("standard input");

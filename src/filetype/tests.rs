@@ -1,4 +1,4 @@
-//! Tests that create one small file of each format.
+//! Tests with the bytes of small files of many formats.
 
 use super::*;
 use crate::reader::Damaged;

@@ -11,7 +11,8 @@ use std::ops::BitOrAssign as _;
 use std::sync::LazyLock;
 
 /// Returns the presets, and the strategies that differ from a preset on one axis, such as the layout of
-/// triangles. Together, these strategies use every file of every family.
+/// triangles. Together, these strategies use every file of every family, except files that only some scenes or
+/// devices need.
 pub(super) fn strategies() -> Vec<Strategy> {
     // The list is computed only once: several tests need it, and it takes long to find out which values
     // contradict each other.
@@ -75,8 +76,8 @@ fn words(text: &str) -> Vec<&str> {
     code.flat_map(|line| line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')).collect()
 }
 
-/// Returns true if a text uses a name. Tests whether the name is defined, and mentions in an `#error`, do not
-/// count as uses.
+/// Returns true if a text uses a name. Occurrences of the name in `#ifndef`, in `defined(...)` and in `#error` do
+/// not count as uses.
 fn uses_define(text: &str, name: &str) -> bool {
     let asks = |line: &&str| line.starts_with("#error") || line.starts_with("#ifndef");
     let lines: Vec<_> = text.lines().filter(|line| !asks(line)).collect();
@@ -203,9 +204,9 @@ fn a_program_holds_no_file_of_another_family() {
         let own = match strategy.family().name {
             "exhaustive" | "bvh" => &["common/", "cast/"][..],
             "raster" => &["common/", "cast/", "raster/"],
-            // In the family `tile-cpu`, a vector of rays uses the watertight test of `cl/cast/` if there is
-            // no coordinate axis along which all its rays run in the same direction. The watertight test of
-            // `cl/cast/` chooses an axis for each ray.
+            // With `intersector = watertight`, the family `tile-cpu` uses the watertight test of `cl/cast/`
+            // for a vector of rays if there is no coordinate axis along which all rays of the vector run in
+            // the same direction. The watertight test of `cl/cast/` chooses an axis for each ray.
             "tile-cpu" => &["common/", "tile_cpu/", "cast/intersect/watertight.cl"],
             _ => &["common/", "tile_gpu/"],
         };

@@ -162,8 +162,8 @@ fn caster_of(scene: &Scene) -> Caster<'_, f64> {
     Caster::new(scene, [80, 50], Exhaustive::new(&scene.mesh, Culling::None))
 }
 
-/// The light lies in the plane of the ground, 0.01 units from the hit. It lights the hit only if rounding moves the
-/// point at which the hit is lit off the plane.
+/// The light lies in the plane of the ground, 0.01 units from the hit. The light reaches the hit only if rounding moves
+/// the hit off the plane.
 #[test]
 fn with_smooth_shadows_rounding_also_moves_a_hit_to_either_side_of_its_plane() {
     let mut scene = fixtures::single_triangle();
@@ -256,9 +256,9 @@ fn tiled(alpha: impl Fn(u32, u32) -> u32, least_alpha: u16, from_left: f32) -> S
     scene
 }
 
-/// The mask of [`tiled`] is repeated so often that rounding may move a point at its largest coordinate by a
-/// quarter of a texel along each axis. At the edge of a hole, a move by a quarter of a texel along both axes
-/// may change alpha by half of alpha's range; elsewhere it changes nothing.
+/// The mask of [`tiled`] is repeated so often that rounding may move a point by a quarter of a texel along each
+/// axis, where the texture coordinates are largest. At the edge of a hole, a move by a quarter of a texel along
+/// both axes may change alpha by half of alpha's range; elsewhere it changes nothing.
 #[test]
 fn only_the_edges_of_the_holes_of_a_mask_that_is_often_repeated_are_uncertain() {
     let size = [32; 2];
@@ -281,10 +281,10 @@ fn only_the_edges_of_the_holes_of_a_mask_that_is_often_repeated_are_uncertain() 
     assert!(!is_right([0.0; 3]) && !is_right(scene.background.to_array()));
 }
 
-/// From texel to texel, the alpha of this mask grows by 8 steps (of 255), so a move by a quarter of a texel
-/// changes alpha by only 2 steps. A point is solid if its alpha is at least 127.5 of these steps. At the
-/// rays' hits, the exact alpha is 118 of 255 steps in the first of the two pictures, and 126 of 255 steps in
-/// the second.
+/// Along each row of this mask, alpha grows by 8 steps (of 255) per texel, and starts again at 0 every 32 texels.
+/// Near the rays' hits, a move by a quarter of a texel changes alpha by only 2 steps. A point is solid if its
+/// alpha is at least 127.5 of these steps. At the rays' hits, the exact alpha is 118 of 255 steps in the first of
+/// the two pictures, and 126 of 255 steps in the second.
 #[test]
 fn where_alpha_changes_slowly_only_values_close_to_the_least_alpha_are_uncertain() {
     let ramp = |x: u32, _: u32| 8 * x % 256;
@@ -566,7 +566,9 @@ fn a_shadow_of_what_is_about_as_near_as_the_bias_is_uncertain() {
 }
 
 /// If a light is 100,000 units away, a device that casts shadow rays from the light ends them 0.05 units before the
-/// hit. An occluder nearer to the hit is found only by devices that cast shadow rays from the hit.
+/// hit. Rounding may also move an occluder that the light grazes, by up to 2.5 units. Devices that cast shadow rays
+/// from the light may therefore miss an occluder that is less than 2.55 units from the hit; devices that cast shadow
+/// rays from the hit find it.
 #[test]
 fn a_distant_lights_shadow_is_uncertain_right_in_front_of_a_surface() {
     let certain = |distance: f32, gap: f32| {

@@ -82,8 +82,8 @@ fn builder(usual: &Noting, without_driver_cache: &Noting) -> Builder {
 }
 
 /// Requests the programs of groups of points, one group after the other. Returns three results: for which
-/// points builders built programs, which points received a built program, and the counts of the programs
-/// built.
+/// points builders built programs, which points received a built program, and how many programs were compiled
+/// or taken from the cache.
 fn built(deadly: Option<usize>, groups: &mut [Vec<PendingPoint>]) -> (Vec<usize>, Vec<usize>, Tally) {
     built_by(&Ahead::default(), deadly, groups)
 }

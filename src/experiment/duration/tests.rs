@@ -16,8 +16,8 @@ const POINTS: [Known; 3] = [
     Known { sample_ms: 13.0, check_ms: [70.0, 100.0], rounds: None },
 ];
 
-/// Returns the expected time of the points in [`POINTS`], in `launches` launches with `warmup` warm-up frames
-/// each.
+/// Returns the expected time of the points in [`POINTS`], in `launches` launches. In each launch, each point casts
+/// at most `warmup` warm-up frames.
 fn group_ms(launches: u32, warmup: u32) -> f64 {
     let timing = format!("timing = {{ launches = {launches}, warmup = {warmup}, time_limit_ms = 30 }}");
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
@@ -163,8 +163,8 @@ fn a_point_for_another_kind_of_device_takes_no_time_and_is_no_control_point() {
     assert!(known[0].1 > 1e6 && guesses[0].1 < 1e6, "{known:?}");
 }
 
-/// The imitated device has too little `__local` memory for the preset `local-vectors`. In the second case, an
-/// earlier run measured both points, for example on another device of the same name.
+/// The imitated device has too little `__local` memory for the preset `local-vectors`. The loop tests two cases:
+/// no earlier run, and an earlier run that measured both points, for example on another device of the same name.
 #[test]
 fn a_point_that_does_not_fit_takes_no_time_and_is_no_control_point() {
     let lines = "local_sizes = [4]\n[[strategy]]\npreset = 'local-vectors'\n[emulate]\nlocal_bytes = 100";
@@ -235,7 +235,7 @@ fn the_cost_of_a_point_is_the_time_of_all_its_launches_without_the_starts_of_wor
     assert_eq!([cost_ms(1), cost_ms(3)], [(launch_ms, START_MS), (3.0 * launch_ms, 3.0 * START_MS)]);
 }
 
-/// Each of the two devices measures all points. The host's casters are measured once.
+/// Each of the two devices measures all points with kernels. The baseline, which runs on the host, is measured once.
 #[test]
 fn the_cost_of_a_point_is_the_sum_of_its_times_on_all_devices() {
     let timing = "timing = { launches = 1, warmup = 0 }";
@@ -276,7 +276,7 @@ fn the_cost_of_a_point_is_the_sum_of_its_times_on_all_devices() {
     last.outcome = Outcome::Crashed;
     let may_control: Vec<bool> = costs(&earlier).concat().iter().map(|cost| cost.may_control).collect();
     assert_eq!(may_control, [true, true, false]);
-    // Devices that share the points measure each point once.
+    // If the devices share the points (`spread`), only one of them measures each point.
     let shared = Run { spread: true, ..fixtures::run(&experiment, &devices, &locks) };
     assert_eq!(shared.costs(&earlier).unwrap()[1][0].ms, launch_ms(1000.0));
 }
@@ -437,7 +437,8 @@ fn a_time_of_another_size_is_scaled_by_the_number_of_pixels() {
     assert!(run.known(&crashed, &crashed).is_none());
 }
 
-/// In the earlier run, a builder compiled the program for 10 s before the check, so the check only loaded the program.
+/// In the first case, a builder of the earlier run compiled the program for 10 s before the check. The check only
+/// loaded the program, and took 100 ms.
 #[test]
 fn a_program_that_an_earlier_run_compiled_is_not_compiled_in_each_launch() {
     let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 2, warmup = 0 }");

@@ -126,7 +126,7 @@ impl Worker for Answer {
     }
 }
 
-/// The events of a run of which the run's observer is informed, without waits and lines to print.
+/// The events that the observer of a run has heard of, except waits and lines to print.
 #[derive(Debug, Default, PartialEq)]
 struct Heard {
     begun: Vec<[usize; 2]>,
@@ -567,7 +567,7 @@ fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_
     };
     let (anchor_samples, samples, _) = anchors(7, 2);
     let name = crate::anchor::name(&asleep::device(1.0)).unwrap();
-    // In each launch, each of seven kernels is cast five times. The anchor (a fixed kernel) runs after the
+    // In each launch, each of seven points is cast five times. The anchor (a fixed kernel) runs after the
     // frames 1, 7, 13, 19, 25 and 31 of a launch's 35 frames.
     let of: Vec<_> = anchor_samples.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
     assert_eq!(of, [0, 1].map(|launch| [0, 0, 1, 2, 3, 4].map(|round| (launch, round))).concat());
@@ -589,7 +589,7 @@ fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_
     assert!(heard.works.iter().any(|work| work == "timing triangle 8x5 naive 1x1"), "{:?}", heard.works);
 }
 
-/// Runs an experiment on these devices in a new folder. Returns what the observer heard.
+/// Runs an experiment on these devices in a new folder. Returns the records, and what the observer heard.
 fn on_devices(
     lines: &str,
     devices: &[&DeviceInfo],
@@ -658,8 +658,8 @@ fn programs_of_later_groups_are_ordered_at_once_unless_a_processor_is_timed() {
     let ordered = |kind: DeviceKind| {
         let ahead: &'static Ahead = Box::leak(Box::default());
         let workers = Answering::default();
-        // There are no builders (processes that compile programs), so the run waits for the first group's
-        // program until the user ends the run.
+        // There are no builders (processes that compile programs), so the run would wait for the first group's
+        // program for ever. The test therefore interrupts the run.
         workers.interrupted.store(true, Ordering::Relaxed);
         let device = DeviceInfo { kind, ..asleep::device(1.0) };
         let (records, _) = on_devices(&lines, &[&device], &workers, |run| Run { ahead: Some(ahead), ..run });

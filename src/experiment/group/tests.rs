@@ -18,7 +18,7 @@ use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// The frame at which a worker dies: the last frame of the third round, if rounds have two points.
+/// The frame at which a worker dies: the last frame of the third round, if a round has two points and no anchor.
 const DEADLY: usize = 6;
 
 /// A sink for tests: collects the run's records, and returns the samples in `past` as those of an earlier
@@ -28,8 +28,8 @@ struct Noting {
     past: HashMap<String, Vec<Taken>>,
     /// The device that measured each earlier launch.
     measured_on: HashMap<u32, MeasuredOn>,
-    /// How launches ended (the reasons, and the points' numbers of samples), as the run has stored it in this
-    /// sink.
+    /// How launches ended: for each launch, the reason for its end, and each point's number of samples. A test may
+    /// set the ends of earlier launches; the run adds those of new launches.
     ends: Vec<LaunchEnd>,
     /// For each sample, the UUID or the PCI address of the device that took the sample; `None` if both are
     /// unknown.
@@ -98,9 +98,9 @@ impl ResultSink for Noting {
         Ok(())
     }
     fn next_launch(&mut self) -> u32 {
-        // raycl leaves out samples that are slow because of a core-to-core latency far above the shortest one known.
-        // The test does not know the latencies of its machine. It forgets those of earlier launches, so that all
-        // samples of the new launch count.
+        // raycl leaves out samples whose core-to-core latency is far from the usual one. The test does not know the
+        // latencies of its machine. The test forgets those of earlier launches, so that all samples of the new launch
+        // count.
         self.latencies_ns.clear();
         self.launches += 1;
         self.launches - 1
@@ -123,7 +123,7 @@ impl ResultSink for Noting {
 }
 
 /// Starts workers, one of which dies at the frame `DEADLY`, and counts the workers and the frames that all workers cast
-/// (including those of the anchor).
+/// (including those of the anchor). If a test sets `frames` to `DEADLY` at the beginning, no worker dies.
 #[derive(Default)]
 struct Mortals {
     started: Rc<Cell<usize>>,
@@ -291,8 +291,8 @@ fn a_launch_of_another_device_with_the_same_name_is_not_taken_over() {
     assert_eq!(sink.measured_by, vec![Some("own".to_owned()); 10]);
 }
 
-/// Times a group in two launches of `count` samples, on a device of this kind, with the rule about moved samples.
-/// Returns what the sink has noted.
+/// Times a group in two launches, on a device of this kind. Each point gets `count` samples in all. On CPUs, samples
+/// whose core-to-core latency is far from the usual one are left out. Returns what the sink has noted.
 fn noted(
     (kind, count): (DeviceKind, u32),
     (mut group, mut workers): (OpenGroup, Mortals),

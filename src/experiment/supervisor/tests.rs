@@ -309,7 +309,8 @@ fn time_in_which_raycl_was_stopped_does_not_count_and_a_worker_that_hangs_is_giv
     assert_eq!((failure.outcome, supervisor.losses()), (Outcome::TimedOut, 1));
 }
 
-/// A wait of more than twice `LOOK_UP` counts as twice `LOOK_UP`, so a phase is over after its second silence.
+/// A wait of more than twice `LOOK_UP` counts as twice `LOOK_UP`. The limit is 2.5 times `LOOK_UP`, so a worker exceeds
+/// the limit if it is silent twice while it casts.
 #[test]
 fn the_limit_holds_for_each_phase_in_which_a_worker_casts_and_for_no_other_work() {
     let limit = LOOK_UP * 5 / 2;

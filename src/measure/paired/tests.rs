@@ -68,7 +68,8 @@ fn a_slow_launch_and_a_slow_hour_are_no_difference() {
     assert!(median.high / median.low > 1.3, "the medians of launches lie apart: {median:?}");
 }
 
-/// Half of the samples take 1 ms and half 3 ms, so the median is 2 ms. The geometric mean of 1 and 3 ms is 1.73 ms.
+/// Half of the samples take 1 ms and half 3 ms, so the median is 2 ms. The median must not be computed as 1.73 ms, the
+/// geometric mean of 1 and 3 ms.
 #[test]
 fn the_median_of_an_even_number_of_samples_lies_in_its_own_interval() {
     let launch = |launch: u32| [1.0, 3.0, 1.0, 3.0, 1.0, 3.0].map(|ms| PairedSample { point: 0, launch, ms });
@@ -96,8 +97,8 @@ fn apart_the_interval_has_the_spread_of_both() {
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
     let (unsteady, even) = (standing(&unsteady), standing(&steady(2, 3, 9)));
     // The standard error of the logarithm is ln(4) / 3, and Student's t is 4.303. The interval of the
-    // logarithm extends by their product to each side, so the upper end of the interval is 53 times the lower
-    // end.
+    // logarithm extends by their product to each side. The upper end of the ratio's interval is therefore 53
+    // times the lower end.
     for ratio in [unsteady.ratio_apart(&even), even.ratio_apart(&unsteady)] {
         assert!((ratio.high / ratio.low - 53.3).abs() < 1.0, "{ratio:?}");
     }
@@ -303,7 +304,7 @@ fn a_point_that_is_not_typical_has_no_part_in_the_usual_spread() {
     let resolution = |are_typical: [bool; 3]| with(are_typical).resolution().expect("two points");
     assert!(resolution([true, true, false]) < 0.01, "{}", resolution([true, true, false]));
     assert!(resolution([true, false, true]) > 0.5, "{}", resolution([true, false, true]));
-    // A single typical point does not show the usual spread of points, so all points are rows of the table.
+    // A single typical point does not show the usual spread of points, so the spread is estimated from all points.
     assert_eq!(with([true, false, false]), with([true; 3]));
     let ratio = with([true, true, false]).ratio(2, 0).expect("enough samples");
     assert!(ratio.high / ratio.low > 2.0, "{ratio:?}");

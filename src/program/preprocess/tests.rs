@@ -360,7 +360,7 @@ fn pragmas_are_kept() {
     assert_eq!(canonical(source), "#pragma unroll 4\nfor ( ; ; )\n#pragma unroll 1\nfor ( ; ; ) {\n}\n");
 }
 
-/// The backslashes in the string of `_Pragma` are not part of the pragma.
+/// In the string of `_Pragma`, a backslash before a quote or before another backslash is not part of the pragma.
 #[test]
 fn a_pragma_of_a_macro_may_have_quotes_and_backslashes_and_blanks_around_its_string() {
     let pragma = "_Pragma ( \"message \\\"a\\\\b\\\"\" )";
@@ -377,7 +377,7 @@ fn canonical_texts_differ_where_the_compiler_sees_a_difference_only() {
     }
 }
 
-/// Generates lines with macros, comments and complete conditions.
+/// Generates texts with macros, comments and conditions, each from its `#if` to its `#endif`.
 fn sources() -> impl proptest::strategy::Strategy<Value = String> {
     use proptest::prelude::*;
     let line = prop_oneof![

@@ -40,7 +40,7 @@ fn another_machines_results_are_compared_point_by_point() {
 }
 
 /// The first device is a CPU, and the second device takes a hundredth of its times. The host of each device
-/// also timed a baseline; records of a baseline have equal keys only if they have the same processor.
+/// also timed a baseline; two records of a baseline have equal keys only if processors of the same model ran it.
 #[test]
 fn a_faster_device_is_faster_although_all_points_share_the_factor() {
     let run = |device: &str, factor: f64, (host, ms): (&str, f64)| {
@@ -60,7 +60,7 @@ fn a_faster_device_is_faster_although_all_points_share_the_factor() {
     assert!(notes.iter().all(|note| !note.contains("cannot be detected")), "{notes:?}");
     let regressions = of(&gpu, &cpu).regressions(5.0);
     assert!(regressions[0].starts_with("all points together are 9900."), "{regressions:?}");
-    // If both folders have a baseline of the same processor, the difference between the devices does not cancel either.
+    // Relative to a baseline that ran on the same model of processor in both folders, the GPU is faster, too.
     let of_same_host = of(&cpu, &run("gpu", 0.01, ("old", 300.0)));
     assert_eq!(of_same_host.summary(), "3 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
     assert!(matches!(of_same_host.pairs[0].change, Some((_, Against::Baselines))));
@@ -122,7 +122,7 @@ fn the_mean_of_a_strategy_is_tested_relative_to_baselines_or_to_other_strategies
     let why =
         "(without 6 of 6 points). These points are left out because they are compared only with each other";
     assert!(note.contains(&format!("without some points: all points together {why}")), "{note}");
-    // Without any reference, the reason is another.
+    // If nothing shows which of the points changed, the note gives another reason.
     let two = folder("two", vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0)]);
     let note = of(&two, &two).left_out_of_means().unwrap();
     assert!(
@@ -146,9 +146,10 @@ fn a_group_without_an_anchor_does_not_hide_the_others() {
     assert!(note.contains("all points together (without 4 of 8 points)"), "{note}");
 }
 
-/// The points of ten scenes were measured with the same anchor. From run to run, the time of each point
-/// differs by 0.4%. In a mean over all points, the differences of single points average out. The difference
-/// of the anchor (the fixed work by whose time all of them are divided) does not average out.
+/// The points of ten scenes were measured with the same anchor. raycl assumes that the time of each point differs
+/// from run to run, with a standard deviation of 0.4%. In a mean over all points, the differences of single points
+/// average out. The difference of the anchor (the fixed work by whose time the points' times are divided) does not
+/// average out.
 #[test]
 fn the_anchors_own_difference_between_runs_does_not_average_out() {
     let record = |number: u32, record: &Record| Record {
@@ -318,7 +319,7 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
 }
 
-/// Without an anchor and baselines, the slow half of the kernels must not become the reference of the other half.
+/// Without an anchor and baselines, the other half of the kernels must not be judged relative to the slow half.
 #[test]
 fn half_of_the_kernels_being_slower_makes_the_others_not_faster() {
     let run = |label: &str, slow: f64| {
@@ -544,8 +545,9 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
     assert!(one.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
 }
 
-/// The drift that is subtracted from the logarithms of a point's times is computed from all samples of the
-/// same rounds. A point's drift (a slow change of its times) affects its ratio to the anchor (fixed work).
+/// Before raycl computes a point's ratio to the anchor (fixed work), it subtracts the drift (a change of the
+/// machine's speed) from the logarithms of all times. The drift is computed from the samples of all points that
+/// were measured in the same rounds, including borrowed control points.
 #[test]
 fn a_change_relative_to_an_anchor_uses_the_samples_of_a_borrowed_control_point_too() {
     let run = |label: &str, unsteady: f64| {

@@ -45,8 +45,8 @@ fn what_does_not_fit_or_is_not_meant_for_the_device_has_not_failed() {
 
 #[test]
 fn a_row_has_millions_of_rays_and_billions_of_tests_per_second() {
-    // The frame takes 10 ms for 400,000 primary rays and 200,000 shadow rays, of which the primary rays take
-    // 4 ms.
+    // The frame takes 10 ms for 400,000 primary rays and 200,000 shadow rays. The primary rays take 4 ms of these
+    // 10 ms.
     let record = Record {
         shadow_rays: Some(200_000),
         primary_ms: Some(4.0),

@@ -240,7 +240,7 @@ fn the_crease_of_an_object_counts_before_that_of_the_scene() {
     }
 }
 
-/// Authors of low-poly meshes give faces vertices of their own to keep edges sharp.
+/// Authors of low-poly meshes give each face its own vertices, so that edges stay sharp.
 #[test]
 fn edges_that_become_smooth_since_vertices_are_joined_are_noted() {
     let folder = tempfile::tempdir().unwrap();
@@ -493,7 +493,7 @@ fn the_shadow_bias_exceeds_the_rounding_of_coordinates_unless_the_scene_moves_to
     };
     let usual = 1e-4 * 5.0_f32;
     let far = |coordinate: f32| 8.0 * f32::EPSILON * coordinate;
-    // The scene's own origin is the centre of the triangle, rounded.
+    // If the scene gets an origin of its own, this origin is the centre of the triangle, rounded.
     for (surface, eye, expected) in [
         (0.0, 0.0, usual),
         (-30.0, -30.0, usual),
@@ -855,7 +855,7 @@ fn a_camera_without_a_direction_is_reported_at_the_key_that_is_probably_wrong() 
     assert_eq!(message_and_line(&format!("[camera]\n{keys}")), (parallel.to_owned(), 3));
 }
 
-/// The light is at a corner of the triangle. raycl computes its brightness at the smallest distance that
+/// The light is at a corner of the triangle. raycl computes the light's brightness at the smallest distance that
 /// counts, a ten-millionth of the scene's diagonal.
 #[test]
 fn a_light_that_is_too_bright_is_reported_at_its_power() {
@@ -954,7 +954,8 @@ fn a_skys_picture_that_is_not_what_it_is_used_as_is_noted() {
     assert!(notes().len() == 1 && notes()[0].starts_with(start), "{:?}", notes());
 }
 
-/// The notes name no channel if the scene file, which another file names, and the picture are elsewhere.
+/// The scene file lies outside the folder of the file that names the scene. In this case, the notes name channels only
+/// if the picture lies in the scene file's folder.
 #[test]
 fn channels_of_a_skys_picture_that_are_not_read_are_named_where_messages_may_quote_the_picture() {
     use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, WritableImage as _};
@@ -1224,8 +1225,8 @@ fn an_eye_inside_an_object_is_noted_with_the_options_that_place_it_outside() {
     assert!(!outside.contains("the eye is inside"), "{outside}");
 }
 
-/// The note does not advise an azimuth or an elevation: beside the file's `position`, these angles would have
-/// no effect, and the author probably wants to see the inside of the object.
+/// The note does not advise an azimuth or an elevation: beside the file's `position`, these angles would not move
+/// the camera, and the author probably wants to see the inside of the object.
 #[test]
 fn an_eye_that_the_file_places_inside_an_object_is_not_sent_outside() {
     let folder = tempfile::tempdir().unwrap();

@@ -294,7 +294,7 @@ fn corners_keep_their_colours_beside_those_of_materials() {
         (Vec3::ONE, &[[black, red, green]][..])
     );
     assert_eq!(file.notes, [""; 0]);
-    // A second primitive has neither a material nor colours, and a third one has both.
+    // Two more primitives come first: one has neither a material nor colours, and the next one has both.
     let others = r#""primitives": [{"attributes": {"POSITION": 0}},
 {"attributes": {"POSITION": 0, "COLOR_0": 2}, "material": 0}, "#;
     let materials = r#"{"materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1]}}], "#;
@@ -304,7 +304,7 @@ fn corners_keep_their_colours_beside_those_of_materials() {
     assert_eq!(mesh.corner_colours, [[white; 3], [black, red, green], [black, red, green]]);
 }
 
-/// The list of positions also serves as the other list.
+/// The list of normals or colours consists of the same bytes as the list of positions.
 #[test]
 fn whole_numbers_of_32_bits_are_in_no_list_of_vertices() {
     let last = |kind: u32| {

@@ -1,4 +1,4 @@
-//! Tests that raycl ignores or replaces nothing of a file without a note.
+//! Tests that a note names each part of a file that raycl ignores or replaces.
 
 use super::*;
 
