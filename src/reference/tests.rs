@@ -152,7 +152,8 @@ fn smooth_shadows_move_a_hit_onto_the_planes_of_convex_corners_alone() {
     assert_eq!(move_to(tilted(0.5), [1.0, 0.0, 0.0]), DVec3::ZERO);
     // The plane of a corner is perpendicular to the corner's normal. Halfway between two corners, the planes
     // of both corners are 0.25 above the hit in the direction z. Along a corner's normal, this height is 0.25
-    // / sqrt(1.25). The moves along x cancel out.
+    // / sqrt(1.25). The hit is moved by half of this height along each of the two normals, so the moves along x
+    // cancel out.
     let lift = 0.25 / 1.25_f64;
     assert!(move_to(tilted(0.5), middle).distance(DVec3::Z * lift) < 1e-12);
     assert!(move_to(tilted(0.5).map(|normal| 3.0 * normal), middle).distance(DVec3::Z * lift) < 1e-12);
@@ -596,9 +597,9 @@ fn a_distant_lights_shadow_is_uncertain_right_in_front_of_a_surface() {
     }
 }
 
-/// The shadow ray of one of the pixel's samples rises 0.3 degrees above its triangle towards a light of the room, and
-/// runs 0.2 degrees below a neighbouring triangle. All kernels find the shadow ray blocked, since rounding
-/// lifts the ray's start off the plane of its triangle.
+/// One of the pixel's samples hits a triangle from which a shadow ray rises by only 0.3 degrees, towards one of the
+/// lights. The shadow ray runs 0.2 degrees below a neighbouring triangle. All kernels find the shadow ray blocked,
+/// since rounding lifts the start of the shadow ray off the plane of the triangle that was hit.
 #[test]
 fn a_shadow_ray_along_a_neighbour_is_uncertain() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/table.toml");

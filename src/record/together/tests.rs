@@ -142,8 +142,8 @@ fn only_a_steady_anchor_that_no_processor_runs_is_compared_with_the_usual_spread
         anchored(&records[0]).map(|(_, ratio)| ratio.degrees.round())
     };
     // Two launches leave one degree of freedom. If no processor runs the anchor (the work with which the
-    // points are compared), the usual spread of the points adds two degrees of freedom. These are the number
-    // of points, four, less one for the compared point and one for the anchor.
+    // points are compared), the usual spread of the points adds two degrees of freedom: four points, less one
+    // for the compared point and one for the anchor.
     assert_eq!((degrees(Some(2), 1.0), degrees(None, 1.0)), (Some(1.0), Some(3.0)));
     // If the anchor's time changes far more than the points' times, the usual spread of the points says
     // nothing about the anchor.

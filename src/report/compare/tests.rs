@@ -867,8 +867,8 @@ fn points_are_named_with_their_device_if_one_of_the_folders_has_several() {
     }
 }
 
-/// The test covers points that fail or are absent on one of several devices, on each device, or on a device
-/// that has no other point.
+/// The test covers a point that fails on one of two devices, on both devices, or on the only device of a folder, and
+/// points that one of the folders lacks.
 #[test]
 fn points_that_are_not_compared_are_named_with_their_device_too() {
     let fails = |device: &str| infeasible(device, "naive", 8, "no");
