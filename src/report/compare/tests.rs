@@ -319,7 +319,7 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
 }
 
-/// Without an anchor and baselines, the other half of the kernels must not be judged relative to the slow half.
+/// Without an anchor and baselines, the unchanged half of the kernels must not be judged relative to the slower half.
 #[test]
 fn half_of_the_kernels_being_slower_makes_the_others_not_faster() {
     let run = |label: &str, slow: f64| {
