@@ -14,7 +14,7 @@ struct Command {
     subject: Subject,
 }
 
-/// Returns the triangle of scenes/triangle.toml in a picture of 40 x 20 pixels, cast by PoCL.
+/// Returns the triangle of scenes/triangle.toml in a picture of 40 x 20 pixels, cast by a CPU.
 pub(super) fn live(options: &[&str], samples: u32) -> Live {
     live_in(["40", "20"], options, samples)
 }
@@ -24,8 +24,8 @@ fn live_in(size: [&str; 2], options: &[&str], samples: u32) -> Live {
     live_of(&scene, size, options, samples)
 }
 
-/// Returns a scene in a picture of this size, cast by PoCL; with the strategy `naive`, unless the options
-/// name another strategy.
+/// Returns a scene in a picture of this size, cast by a CPU, with the strategy `naive` unless the options name
+/// another.
 pub(super) fn live_of(scene: &Path, [width, height]: [&str; 2], options: &[&str], samples: u32) -> Live {
     let scene = scene.to_str().expect("UTF-8");
     let usual = ["view", scene, "--device", "cpu", "--width", width, "--height", height];

@@ -1,4 +1,5 @@
-//! Tests that damaged files of every format are refused or read, without a panic.
+//! Tests with mesh files of several formats: damaged files cause no panic, normals are generated or changed, and
+//! notes and errors quote nothing from files of others.
 
 use super::*;
 use glam::Vec3;
@@ -34,7 +35,7 @@ fn files_cut_off_anywhere_and_with_any_byte_changed_do_not_panic() {
             for byte in [b'0', b'9', b'-', b' ', 0xff] {
                 let mut changed = whole.clone();
                 changed[offset] = byte;
-                // A file that is read must contain a valid mesh.
+                // If a changed file is read, every corner of its triangles must be a vertex that exists.
                 if let Ok(file) = parse(format, &changed) {
                     let count = file.mesh.positions.len();
                     let corners = file.mesh.triangles.iter().flat_map(|triangle| triangle.positions);
@@ -194,7 +195,7 @@ fn a_normal_without_direction_becomes_that_of_the_plane_at_its_corner_and_is_not
     }
 }
 
-/// The two triangles lie on each other, so their normals cancel each other.
+/// In the first file, the two triangles lie on each other, so their normals cancel each other.
 #[test]
 fn generated_normals_and_those_of_triangles_without_area_cause_no_note() {
     let folder = tempfile::tempdir().unwrap();

@@ -251,7 +251,7 @@ fn a_small_mesh_far_from_the_origin_fills_the_picture() {
         let camera = camera(&mesh, ball, &three_quarter(1.0));
         let [left, right, bottom, top] = extent(&camera, &mesh, 1.0);
         let larger = (right - left).max(top - bottom);
-        // At a distance of 1e6 from the origin, the eye's coordinates are rounded to sixteenths.
+        // If the mesh is 1e6 away from the origin along x, the eye's x coordinate is rounded to a sixteenth.
         assert!((1.75..1.95).contains(&larger), "{larger} at {far}");
     }
 }
@@ -269,7 +269,8 @@ fn the_key_light_is_to_the_viewers_upper_left_and_the_fill_light_to_the_right() 
     let [key, fill] = towards(Ball { opening: None, ..ball })[..] else { panic!("two lights") };
     assert!(key.x < 0.0 && key.y > 0.0 && key.z > 0.0, "{key}");
     assert!(fill.x > 0.0 && fill.y > 0.0 && fill.z > 0.0, "{fill}");
-    // The mesh is open towards +z, where the eye is. Only light from the eye's side enters the mesh.
+    // Here, the mesh counts as open towards +z, where the eye is. Only light from the eye's side would enter such a
+    // mesh.
     for light in towards(Ball { opening: Some(DVec3::Z), ..ball }) {
         assert!(light.normalize().z > 0.9, "{light}");
     }
@@ -402,8 +403,8 @@ fn a_rough_surface_is_no_room() {
     assert!(opening.z < -0.99, "{opening}");
 }
 
-/// Like a room without its front wall, the scan of a face is open on one side. Unlike a room, the scan of a
-/// face must be seen from outside.
+/// Like a room without its front wall, the scan of a human face is open on one side. Unlike a room, the scan must be
+/// seen from outside.
 #[test]
 fn a_vaulted_surface_is_seen_from_its_front_whatever_the_order_of_its_corners() {
     let half = |is_reversed: bool, front: f32| {
@@ -489,8 +490,8 @@ fn a_large_mesh_is_framed_alike_in_any_order_of_its_parts() {
     assert_eq!(framed(&mesh), framed(&reversed));
 }
 
-/// The sums of a large mesh are computed in several chunks. Each chunk has another side of the room and other parts of
-/// the body inside, so that the sums of all chunks differ.
+/// The sums of a large mesh are computed in several chunks. The chunks contain different parts of the room and of the
+/// body in the room, so that their sums differ.
 #[test]
 fn the_sums_of_a_large_mesh_are_those_over_all_its_triangles() {
     let mut mesh = sides_of_box(Vec3::ZERO, Vec3::new(3.0, 2.0, 4.0), [-1, 1, -1, -1, 1, 0]);

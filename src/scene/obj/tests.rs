@@ -1,5 +1,5 @@
-//! Tests with irregular and invalid OBJ files. For valid files, the results are compared with those of the
-//! crate `tobj`.
+//! Tests with irregular and invalid OBJ files. Generated valid files are also read with the crate `tobj`, and both
+//! results are compared.
 
 mod materials;
 mod odd;
@@ -306,10 +306,10 @@ fn what_a_material_has_and_needs_not_be_done_is_not_noted() {
     let mtl = "# map_Kd\nnewmtl a\nmap_Ks\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
                illum 2\nPm 0\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";
     assert_eq!(notes_of("usemtl a\nf 1 2 3\nusemtl b", mtl), Vec::<String>::new());
-    // The fourth number is not part of the colour; another note counts it.
+    // The fourth number is not part of the colour, so the colour is black and asks for no ambient light.
     let four = notes_of("usemtl a\nf 1 2 3", "newmtl a\nKa 0 0 0 1\n");
     assert!(four.iter().all(|note| !note.contains("ambient")), "{four:?}");
-    // The unsupported features of a material that no face uses add no note.
+    // A material that no face uses adds no note, although its texture does not exist.
     assert_eq!(notes_of("usemtl a", "newmtl a\nnewmtl b\nmap_Kd b.png\n"), Vec::<String>::new());
 }
 

@@ -1,4 +1,4 @@
-//! Tests of every shape: number of triangles, orientation and closure.
+//! Tests of the shapes: numbers of triangles, orientation, closure and parameters.
 
 use super::*;
 use crate::scene::Triangle;

@@ -1,4 +1,4 @@
-//! Tests of correct headers, and of each possible mistake.
+//! Tests of correct headers, and of mistakes in headers.
 
 use super::super::AXES;
 use super::*;

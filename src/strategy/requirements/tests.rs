@@ -305,7 +305,8 @@ fn numbers(text: &str) -> Vec<u128> {
     text.split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect()
 }
 
-/// Returns true if the sum in a refusal's message is correct and exceeds the limit in the message.
+/// Returns true if the number in a refusal's message exceeds the limit in the message; if the number is a sum, the
+/// sum must also be correct. A message without a limit counts as correct.
 fn adds_up(reason: &str) -> bool {
     if reason.starts_with("traversal = raster does not support textures") {
         return true; // a reason without numbers

@@ -46,7 +46,7 @@ fn triangles_get_the_colours_of_their_faces_unless_vertices_have_colours() {
     let expected = [Vec3::X, green, green, Vec3::splat(0.8)];
     let actual = triangle_colours(&file);
     assert!(actual.len() == 4 && actual.iter().zip(&expected).all(|(a, b)| near(a, b)), "{actual:?}");
-    // The alpha of faces, and their channels above 1, cause the same notes as those of vertices.
+    // Faces cause the same notes as vertices: on their alpha, and on channels above 1.
     let clear = PAINTED.replace("property uchar blue\n", "property uchar blue\nproperty uchar alpha\n");
     let clear = clear.replace("255 0 0\n", "255 0 0 7\n").replace("0 188 0\n", "0 188 0 255\n");
     let file = parse("a.ply", clear.as_bytes()).unwrap();
@@ -201,7 +201,7 @@ fn an_ascii_file_may_have_numbers_of_every_form_and_any_line_ends() {
     for text in [forms.clone(), forms.replace('\n', "\r"), forms.replace('\n', "\r\n")] {
         assert_eq!(parse("a.ply", text.as_bytes()).unwrap().mesh, mesh, "{text:?}");
     }
-    // The file gets a point that was not measured; the file's face does not use this point.
+    // The test adds a vertex whose coordinates are not all finite. The file's face does not use this vertex.
     let points = SQUARE.replace("element vertex 4", "element vertex 5");
     for point in ["nan NaN -nan", "inf -inf 0", "Infinity 1e400 0"] {
         let text = points.replacen("4 0 1 2 3", &format!("{point} 0 0 0\n4 0 1 2 3"), 1);
@@ -292,8 +292,8 @@ fn what_a_header_needs_is_held_against_the_memory() {
             format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces or strips = ");
         assert!(message.starts_with("reading a.ply needs about") && message.contains(&sum), "{message}");
     }
-    // If only faces have colours, each face needs memory for two colours while the file is read: its own
-    // colour, and the colour of its triangle.
+    // If only faces have colours, each face needs more memory while the file is read: for a copy of the face with its
+    // colour, and for the colour of one triangle.
     let painted = "element face 1000\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n";
     let text = format!("ply\nformat ascii 1.0\nelement vertex {}\n{painted}end_header\n", 1_u64 << 50);
     let header = Parser::<Skipped>::new().read_header(&mut Reader::new(text.as_bytes())).unwrap();
@@ -303,8 +303,8 @@ fn what_a_header_needs_is_held_against_the_memory() {
         message.contains(&format!(" + {face} B x 1000 faces or strips + {COLOUR_BYTES} B x 1000 colours")),
         "{message}"
     );
-    // Each face may have a different colour, so the number of colours is the number of faces. The number of
-    // colours is also at most 2^24, the number of all colours with 8 bits per channel.
+    // Each face may have a different colour, so the number of colours is estimated as the number of faces. The
+    // estimate is at most 2^24, the number of all colours with 8 bits per channel.
     let colours = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
     for (vertices, faces, colour_count) in [(1 << 50, 1000, 1000), (1 << 50, 1 << 30, 1 << 24)] {
         let message = hold("a.ply", &header_with(vertices, colours, faces)).unwrap_err().to_string();
@@ -370,7 +370,7 @@ fn a_property_with_a_name_of_another_row_is_no_channel() {
             assert_eq!((actual.mesh, actual.notes), (expected.mesh, expected.notes), "{other}");
         }
     }
-    // The row of `red` is not complete, so `r`, `g` and `b` are the channels.
+    // Beside `red`, there is no `green` and no `blue`, so `r`, `g` and `b` are the channels.
     let text = SQUARE.replace("uchar red", "uchar r").replace("uchar green", "uchar g");
     let text = text.replace("uchar blue", "uchar b\nproperty uchar red\nproperty uchar diffuse_alpha");
     let file = read(&text.replace("255 0 0\n", "255 0 0 7 7\n"));
@@ -482,7 +482,7 @@ fn a_message_begins_with_the_files_name() {
         let error = parse("a.ply", SQUARE.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
         assert!(error.starts_with("a.ply:"), "{error}");
     }
-    // A binary file has no lines, so the message names no line.
+    // The data of a binary file have no lines, so a message about these data names no line.
     let binary = "ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\nend_header\n1234";
     let error = parse("a.ply", binary.as_bytes()).err().unwrap().to_string();
     assert!(error.starts_with("a.ply:"), "{error}");
@@ -516,8 +516,8 @@ fn a_map_keeps_all_digits_of_its_text_beside_a_vertex_that_no_face_uses() {
 fn a_tiny_concave_face_is_divided_like_a_large_one() {
     let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty double z\n\
         element face 1\nproperty list uchar int vertex_indices\nend_header\n";
-    // A fan from the first corner would contain a triangle outside this outline, which is concave at the
-    // second corner.
+    // The face is concave at its second corner. A fan from the first corner would contain a triangle outside the
+    // face.
     let corners = |edge: f64| {
         let text = format!(
             "{header}{edge:e} 0 0\n{quarter:e} {quarter:e} 0\n0 {edge:e} 0\n0 0 0\n4 0 1 2 3\n",
@@ -583,7 +583,7 @@ fn properties_of_vertices_of_which_some_are_missing_are_noted() {
     let of_faces_expected =
         [incomplete, &unread("bleu")].map(|note| note.replace("vertices", "faces").replace('4', "2"));
     assert_eq!(of_faces, of_faces_expected);
-    // A property `r` without `g` and `b` is often a radius, so it is no incomplete colour.
+    // A property `r` without `g` and `b` is often a radius, so no note says that `g` and `b` are missing.
     assert_eq!(notes("uchar blue", "uchar r"), [incomplete, &unread("r"), edges]);
 }
 

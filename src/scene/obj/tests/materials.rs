@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Makes a folder with a mesh, and an MTL file outside this folder. `library` is the name of the MTL file
-/// in the mesh. Returns true if the MTL file was read, and the notes.
+/// Makes a folder with a mesh, and an MTL file outside this folder. The mesh names its MTL file `library`. Returns
+/// whether the MTL file was read, and the notes on the mesh.
 #[cfg(unix)]
 fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
     let outer = tempfile::tempdir().unwrap();
@@ -55,7 +55,8 @@ fn a_material_may_have_the_empty_name() {
     assert_eq!(file.notes, Vec::<String>::new());
 }
 
-/// In the last two names, raycl decodes a byte of a letter as a Unicode blank of Latin-1: the names are Shift-JIS.
+/// Each of the last two names is one letter in Shift-JIS, two bytes. raycl decodes such names as Latin-1, in which
+/// the second byte is a Unicode blank.
 #[test]
 fn a_name_keeps_the_unicode_blanks_around_it() {
     let names: [&[u8]; 6] =
@@ -257,7 +258,8 @@ fn a_comment_may_follow_a_name() {
     assert_eq!(grey, 0.8);
     assert!(notes[0].starts_with("MTL file `none.mtl` cannot be read (") && notes.len() == 2, "{notes:?}");
     assert!(notes[1].contains("(material `red`)"), "{notes:?}");
-    // If no space follows a `#`, the `#` begins a comment only if the text before it is the name of a known material.
+    // In a `usemtl` line, a `#` without a blank after it begins a comment only if the text before the `#` is the name
+    // of a known material.
     assert_eq!(red(&both, "mtllib #1.mtl\nusemtl red #walls"), (1.0, Vec::new()));
     // The name of a material may be empty, and a comment may follow the empty name.
     let nameless = "newmtl # nameless\nKd 0.5 0 0\n";
@@ -435,7 +437,7 @@ fn parts_of_pictures_that_are_not_used_are_noted_once() {
         "alpha of 2 textures is not used (for example `clear.png`): without a map_d, a surface has no holes";
     let cases: [(&str, &[&str]); 6] = [
         ("newmtl a\nmap_Kd clear.png\nnewmtl b\nmap_Kd -clamp on clear.png\n", &[one]),
-        // The alpha of emitted light makes no holes in any program.
+        // The alpha of an emission texture (`map_Ke`) causes no note, since nobody expects it to make holes.
         ("newmtl a\nmap_Ke clear.png\nnewmtl b\n", &[]),
         ("newmtl a\nmap_Kd clear.png\nnewmtl b\nmap_Kd clear2.png\n", &[two]),
         ("newmtl a\nmap_Kd opaque.png\nnewmtl b\n", &[]),

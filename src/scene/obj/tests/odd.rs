@@ -1,4 +1,5 @@
-//! Tests of vertices and normals that are not valid.
+//! Tests of unusual vertices and normals: vertices and normals that are not valid, very large coordinates, and
+//! vertices that no face uses.
 
 use super::*;
 
@@ -72,8 +73,8 @@ fn a_mesh_far_from_its_origin_keeps_its_placement_beside_vertices_that_are_not_v
     }
 }
 
-/// If the face whose corners are all at one vertex counted, the mesh would not be moved, and rounding would join the
-/// corners of its other face.
+/// One of the mesh's two faces has all its corners at one vertex. If this face counted, the mesh would not be moved,
+/// and rounding would join the corners of the other face.
 #[test]
 fn a_mesh_far_from_its_origin_is_placed_without_faces_that_no_ray_hits() {
     let corners = "v 500000.25 5400000 7\nv 500000.26 5400000 7\nv 500000.25 5400000.01 7\n";
@@ -161,7 +162,7 @@ fn a_mesh_that_may_be_scaled_can_have_coordinates_of_any_size() {
         let form = format!("expected `v x y z`: three finite numbers within +-{limit}");
         assert_eq!(error.remedy(), form);
     }
-    // A large vertex that no face uses does not cause the mesh to be scaled.
+    // A vertex far from the origin that no face uses does not cause the mesh to be scaled.
     let unused = parsed("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1e20 0 0\nf 1 2 3\n", true).unwrap();
     assert_eq!((unused.placement.scale, unused.mesh.positions[1]), (1.0, Vec3::X));
     assert!(unused.notes.iter().any(|note| note.contains("1 such vertex")), "{:?}", unused.notes);
@@ -184,8 +185,8 @@ fn a_vertex_that_no_face_uses_does_not_decide_where_the_mesh_is_and_how_large() 
         assert_eq!(beside.notes, plain.notes, "{corners}{unused}");
         crate::scene::validate::check_positions(&beside.mesh).unwrap();
     }
-    // This file is so large that it is read in several pieces. The index of its unused vertex includes the
-    // vertices of all earlier pieces.
+    // This file is so large that it is read in several pieces. The index of its unused vertex counts the vertices of
+    // all earlier pieces, too.
     let mut text = String::new();
     for i in 0..40_000 {
         text.push_str(&format!("v {i} 5400000 0\nv {i} 5400000.25 0\nv {i} 5400000 1\nf -3 -2 -1\n"));

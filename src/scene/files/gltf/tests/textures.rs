@@ -416,7 +416,7 @@ fn emitted_light_is_the_factor_times_its_strength_and_its_texture() {
     let note = "1 material asks for emitted light from a texture that is placed differently from the colour texture \
                 (emissiveTexture), which raycl does not support: the surface emits no light";
     assert_eq!((moved.0, moved.1, moved.3.as_str()), ([0.0; 3], None, note));
-    // A texture that does not exist gives no light, although the factor alone would.
+    // A material whose emissive texture does not exist emits no light, although without an emissive texture it would.
     let note = "texture 1 does not exist: its material emits no light".to_owned();
     assert_eq!(of(&both.replace(r#""index": 0"#, r#""index": 1"#)), ([0.0; 3], None, 0, note));
     let bright = of(r#""emissiveFactor": [2, 0, 0]"#);

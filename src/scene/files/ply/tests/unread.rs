@@ -60,7 +60,7 @@ fn properties_that_are_not_read_are_named_and_counted() {
     assert_eq!(withheld.notes, ["1 property of 3 vertices is not read"]);
 }
 
-/// A list has a type of its own, so a list with the name of a number is not read.
+/// raycl reads a normal's coordinates only from numbers, so a list with the name `nx` is not read.
 #[test]
 fn a_list_is_no_number() {
     let text = triangle_with("property list uchar float nx\nproperty float ny\nproperty float nz\n", "");
@@ -111,10 +111,10 @@ fn two_properties_for_the_same_value_are_refused() {
         let error = parse("a.ply", triangle_with(vertex, face).as_bytes()).err().unwrap();
         assert!(error.to_string().starts_with(&format!("a.ply: {expected}")), "{error}");
     }
-    // A number is no list of corners.
+    // A number with the name `vertex_index` is not a second list of corners, so it causes no error.
     let number = notes(&triangle_with("", "property int vertex_index\n"));
     assert_eq!(number, ["1 property of 1 face is not read (`vertex_index`)"]);
-    // Two properties that are not read cause no error.
+    // Two properties with the same name cause no error if raycl reads neither of them.
     let twice = notes(&triangle_with(&properties(&["s", "s"]), ""));
     assert_eq!(twice, ["2 properties of 3 vertices are not read (`s`, `s`)"]);
 }
