@@ -1,11 +1,12 @@
-//! One scene with all features together, in every family. The tests of each feature try all families only in
-//! `make test-long`; `make test` tries a sample of them, since PoCL compiles a program for each feature and family.
+//! One scene with all features together, in every family that supports textures (all except the rasteriser). The
+//! tests of each feature try all families only in `make test-long`; `make test` tries a sample of them, since PoCL
+//! compiles a program for each feature and family.
 
 use crate::binary::WorkFolder;
 use image::{Rgb, Rgb32FImage, RgbImage, Rgba, RgbaImage};
 
-/// A sheet with holes and colours of corners, a glowing wall, a coarse ball with smooth shadows and a highlight, under
-/// lights of all kinds and a picture of the sky.
+/// A sheet with holes and colours of corners, a glowing wall, and a coarse ball with smooth shadows and a highlight.
+/// They are lit by a point, a ball, a rectangle and a picture of the sky.
 const SCENE: &str = "smooth_shadows = true
 [camera]
 position = [0.3, 0.5, 0.5]

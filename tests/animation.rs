@@ -27,7 +27,7 @@ vertices = [[-9, -0.1, 9], [9, -0.1, 9], [9, -0.1, -9], [-9, -0.1, -9]]
 faces = [[0, 1, 2, 3]]
 ";
 
-/// Tracks with one value per frame, with linear interpolation, with steps, and with a curve.
+/// Tracks with one value per frame, with linear interpolation, and with steps.
 const TRACKS: &str = "[animation]
 frames = 4
 frames_per_second = 12
@@ -175,8 +175,8 @@ fn frames_are_skipped_where_their_scene_is_the_same_and_refused_where_it_is_anot
     let report = animate(&folder, &[]);
     assert_eq!((&report["frames"], &report["skipped"]), (&1.into(), &3.into()));
     assert_eq!(animate(&folder, &["--frames", "2..4"])["frames"], 0);
-    // If only the end of a track changes, the earlier frames stay valid and are skipped. The file of the last
-    // frame is not overwritten.
+    // If only the end of a track changes, the earlier frames stay valid and are skipped. Without `--force`, raycl
+    // does not overwrite the file of a frame that has changed.
     let device = device();
     let render = ["render", "scene.toml", "--animate", "--device", &device];
     for (from, to) in

@@ -1,5 +1,5 @@
-//! Tables of documents that name code agree with the code: the kernels in ARCHITECTURE.md, the parts of a sample in
-//! docs/methodology.md, and the steps to a new traversal in CONTRIBUTING.md.
+//! Documents that name code agree with the code: the table of kernels in ARCHITECTURE.md, the table of the parts of a
+//! sample in docs/methodology.md, and the steps to a new traversal in CONTRIBUTING.md.
 
 use crate::binary::repository;
 use crate::common::one_preset_of_each_family;

@@ -1,14 +1,15 @@
-//! Tests of the book that is made from docs/, and of the links in the documents. Each link must lead to a file that
-//! exists and, if it names a heading, to a heading of that file. These tests need the repository, since the package
-//! contains neither pictures nor stored records. Another test checks that ARCHITECTURE.md lists every file and folder
-//! of src/.
+//! Tests of the book that is made from docs/, and of the links in the documents. Each link, except web addresses,
+//! must lead to a file that exists and, if the link names a heading, to a heading of that file. These tests need the
+//! repository, since the package contains neither docs/images nor docs/results. Another test checks that
+//! ARCHITECTURE.md lists every file and folder directly in src/.
 
 use crate::binary::repository;
 use std::collections::BTreeSet;
 use std::fs::{read_dir, read_to_string};
 use std::path::{Path, PathBuf};
 
-/// Returns the paths of the book's pages in docs/: the files of docs/, and the page on the stored results.
+/// Returns the paths of the book's pages in docs/: the Markdown files directly in docs/ except SUMMARY.md, and the
+/// page on the stored results.
 fn pages() -> BTreeSet<String> {
     let entries =
         read_dir(repository("docs")).expect("docs").map(|entry| entry.expect("an entry").file_name());

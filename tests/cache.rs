@@ -274,9 +274,10 @@ fn create_with_mode(folder: &Path, mode: u32) {
     std::fs::set_permissions(folder, std::fs::Permissions::from_mode(mode)).expect("a mode");
 }
 
-/// Without `HOME` and `XDG_CACHE_HOME`, PoCL would use /tmp/pocl/kcache, which may belong to another user.
-/// PoCL runs the kernels that it finds in its cache folder. If `HOME` or `XDG_CACHE_HOME` names a folder to
-/// which other users may write, raycl therefore rejects this folder, too.
+/// Without `HOME` and `XDG_CACHE_HOME`, PoCL would use /tmp/pocl/kcache, which may belong to another user. PoCL runs
+/// the kernels that it finds in its cache folder. If `HOME` or `XDG_CACHE_HOME` leads to a cache folder to which
+/// other users may write, raycl therefore rejects this folder, too. In the last case, the path is too long for a
+/// folder.
 #[test]
 #[cfg(target_os = "linux")]
 fn pocl_keeps_its_kernels_where_no_other_user_can_write() {

@@ -72,8 +72,8 @@ fn the_tests_own_vectors_are_in_private_memory() {
 
 #[test]
 fn constant_triangles_are_read_from_constant_memory() {
-    // Each PTX file is compared with the file `vectors-private` of the same compiler. For both of these
-    // strategies, the files of both compilers are stored.
+    // Each PTX file is compared with the file `vectors-private` of the same compiler. Both `triangles-constant` and
+    // `vectors-private` are stored as compiled by both compilers.
     for ((file, counts), (_, global)) in stored("triangles-constant").iter().zip(stored("vectors-private")) {
         assert_eq!([counts.reach("shared"), counts.reach("local")], [0, 0], "{file}: {counts}");
         assert!(counts.reach("const") > 9, "{file}: {counts}");

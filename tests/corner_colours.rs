@@ -24,7 +24,7 @@ fn folder() -> WorkFolder {
     WorkFolder::with(&[("scene.toml", SCENE), ("colours.ply", MESH)])
 }
 
-/// Returns the lines of the mesh's vertices and of its faces, as words.
+/// Returns the numbers in each vertex's line of the mesh file, and the indices of each face's corners.
 fn lines() -> (Vec<Vec<f32>>, Vec<Vec<usize>>) {
     let lines = MESH.lines().skip_while(|line| *line != "end_header").skip(1);
     let words =
@@ -35,7 +35,8 @@ fn lines() -> (Vec<Vec<f32>>, Vec<Vec<usize>>) {
     (vertices.to_vec(), faces.collect())
 }
 
-/// Returns the mesh as an OBJ with a material. `changed` changes the colour of a corner.
+/// Returns the mesh as an OBJ with a material. `changed` takes a vertex's number and colour, and returns the colour
+/// in the OBJ.
 fn obj(changed: impl Fn(usize, [f32; 3]) -> [f32; 3]) -> String {
     let (vertices, faces) = lines();
     let mut text = "mtllib a.mtl\nusemtl a\n".to_owned();

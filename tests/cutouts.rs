@@ -109,9 +109,10 @@ fn soft_light_falls_through_holes() {
     }
 }
 
-/// Strategies whose shadow rays are cast from the light must find the point of a mask from the hit: relative to a
-/// light that is a million units away, points of the mask lie on a grid of a sixteenth of a unit. With `bvh`, shadow
-/// rays start at the hit. The changed kernel finds the point from the light.
+/// A strategy whose shadow rays are cast from the light must compute the point where such a ray meets a mask from the
+/// hit, not from the light: computed from a light that is nearly a million units away, the point would be rounded to
+/// a sixteenth of a unit. With `bvh`, shadow rays start at the hit. The changed kernel computes the point from the
+/// light.
 #[test]
 fn shadows_of_cut_outs_under_a_distant_light_are_not_ragged() {
     let folder = room(MTL);
@@ -166,8 +167,8 @@ fn what_is_wrong_with_a_mask_is_noted_with_its_line() {
     has(&folder.picture(&[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
 }
 
-/// Each changed kernel makes one mistake: it ignores holes, reads a wrong channel or a wrong texel, or
-/// applies holes only to rays from the eye.
+/// Each changed kernel makes one mistake: it ignores holes, reads a wrong channel, texel or cutoff, looks at a wrong
+/// point, or applies holes only to rays from the eye or only to shadow rays.
 #[test]
 fn a_broken_cut_out_is_a_wrong_picture() {
     let folder = room(MTL);
@@ -302,8 +303,9 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let holes = folder.picture(&["--cl-dir", &kernels]).0;
     assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
     // With the unchanged kernel, the picture differs from the one without a mask only at the hole. The kernel
-    // subtracts one unit from the least alpha of solid texels (the cutoff). Without this subtraction,
-    // rounding would turn an eighth of the solid pixels into holes.
+    // subtracts one unit from the least alpha of solid texels (the cutoff). Without this subtraction, rounding would
+    // turn an eighth of the solid pixels into holes. The changed kernel adds one unit instead, and turns all texels
+    // into holes.
     let [few, all] = [apart(&solid, &whole), apart(&holes, &whole)];
     assert!(10 * few < all, "{few} {all}");
     leaf().save(folder.path("leaf.png")).expect("a picture");

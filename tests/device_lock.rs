@@ -197,8 +197,9 @@ fn a_shard_that_waits_for_its_peak_rates_is_going_and_an_interruption_ends_its_p
     // process of `raycl peak` waits for the device.
     let waiting: Vec<u32> = children(second.id()).into_iter().flat_map(children).collect();
     assert_eq!(waiting.len(), 1, "{waiting:?}");
-    // In the five seconds between the two readings of its counter, the shard makes no progress. If the shard
-    // did not report that it waits for the device, it would count as hung after two seconds (`--hang-limit`).
+    // The command `merge` reads the shard's progress twice, five seconds apart (`--between 5`). The waiting shard
+    // makes no progress in this time. If the shard did not report that it waits for the device, it would count as
+    // hung after two seconds (`--hang-limit`).
     let status = ["merge", "second", "--status", "--between", "5", "--json"];
     until("the shard is going", || folder.output(&status).contains("\"going\""));
     // The signal reaches only the run, unlike Ctrl-C in a terminal.

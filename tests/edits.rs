@@ -36,8 +36,8 @@ const A: &[&str] = &["scene"];
 const A_AND_B: &[&str] = &["a/scene", "b/scene"];
 const SWEEP: &[&str] = &["scene+power=10 (light.0.power = 10)", "scene+power=10 (light.1.power = 10)"];
 
-/// The edits in their order. Each edit starts from the files that the previous edit left. Each scene has
-/// three points: two strategies and a baseline.
+/// The edits in their order. Each edit starts from the files that the previous edit left. Before the edits, the
+/// experiment has three points: two strategies and a baseline.
 const EDITS: [Edit; 24] = [
     ("nothing", |_| {}, 0, A),
     ("the question is worded anew", |ground| ground.set("question", "\"Which?\""), 0, A),
@@ -198,8 +198,8 @@ impl Ground {
         }
     }
 
-    /// Returns the points, medians and winners of the folder, and checks that all files in the folder, and `raycl
-    /// compare`, show the same points, medians and winners.
+    /// Returns the points, medians and winners of the folder. Checks that neither another file in the folder nor
+    /// `raycl compare` shows other points, medians or winners. (Some files leave out baselines or winners.)
     fn agreed(&self, edit: &str, scenes: &[&str]) -> Shown {
         let csv = self.folder.text("out/summary.csv");
         assert_eq!(self.folder.text("out/exports/points.csv"), csv, "{edit}: points.csv");

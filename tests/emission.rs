@@ -4,8 +4,8 @@ use crate::binary::{WorkFolder, apart, device, has};
 use crate::common::{due, soon};
 use image::{Rgb, RgbImage};
 
-/// A lamp in front of a wall, and a floor. The light shines on the lamp's back, and the camera looks at its
-/// front.
+/// A lamp in front of a wall, and a floor. The camera and the first light are in front of the lamp; the second light
+/// shines on the lamp's back.
 const ROOM: &str = "mtllib room.mtl
 v -2 -1 -4
 v 2 -1 -4
@@ -130,7 +130,7 @@ fn every_family_with_textures_multiplies_emitted_light_by_a_texture() {
     // multiplied by white.
     folder.write("room.mtl", "newmtl wall\nKd 0.7 0.6 0.5\nnewmtl lamp\nKd 0.4 0.4 0.4\nmap_Ke glow.png\n");
     agree(&folder, &strategies, &[]);
-    // A triangle without texture coordinates emits no light.
+    // If a material has an emission texture, its triangles without texture coordinates emit no light.
     folder
         .write("room.mtl", &TEXTURED.replace("newmtl wall\nKd 0.7 0.6 0.5\nmap_Kd wall.png", "newmtl wall"));
     folder.write("room.obj", &ROOM.replace("f 7/1 8/2 9/3 10/4", "f 7/1 8/2 9/3\nf 7 9 10"));

@@ -106,7 +106,7 @@ pub fn one_point() -> WorkFolder {
     WorkFolder::with(&[("scene.toml", TRIANGLE), ("config.toml", &config(points, 0, 1))])
 }
 
-/// Returns a word that selects the device on which tests run: PoCL, or the device that RAYCL_TEST_DEVICE names.
+/// Returns a text that selects the device on which tests run: PoCL, or the device that RAYCL_TEST_DEVICE names.
 pub fn device() -> String {
     std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned())
 }
@@ -168,8 +168,8 @@ impl WorkFolder {
         self.text(name).lines().map(|line| serde_json::from_str(line).expect("a line of JSON")).collect()
     }
 
-    /// Makes a folder for `--cl-dir` with one kernel file in which a part of the text is replaced, and returns its
-    /// name.
+    /// Makes a folder for `--cl-dir` with one kernel file in which a part of the text is replaced. Returns the
+    /// folder's name.
     pub fn kernels(&self, file: &str, from: &str, to: &str) -> String {
         self.kernels_of(&format!("cl/{file}"), file, from, to)
     }
@@ -184,9 +184,9 @@ impl WorkFolder {
         "kernels".to_owned()
     }
 
-    /// Fails unless verification notices that a part of a kernel file was replaced: rendering `scene.toml`
-    /// must report a wrong picture. Neither the width nor the height of the picture is a multiple of those of
-    /// a tile or of a block of rays.
+    /// Fails unless verification notices that a part of a kernel file was replaced: rendering `scene.toml` must
+    /// report a wrong picture. The picture's width and height are prime numbers, so that tiles and blocks of rays
+    /// extend beyond its edges.
     #[track_caller]
     pub fn notices(&self, change: (&str, &str, &str), strategy: &str, options: &[&str]) {
         self.notices_in(["61", "43"], change, strategy, options);

@@ -1,5 +1,5 @@
 //! A pairwise cover: strategies that together have every pair of values of two axes (such as a layout and a
-//! ray-triangle test).
+//! ray-triangle test) that occurs in a preset, or in a strategy that differs from a preset by at most two values.
 
 use raycl::strategy::{AXES, PRESETS, Strategy};
 use std::collections::HashSet;

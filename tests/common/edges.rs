@@ -1,5 +1,5 @@
-//! Rays aimed at edges and vertices of closed meshes, and nets that fill an image, whose edges and vertices lie on
-//! the rays of pixels.
+//! Scenes and rays that show mistakes of rounding at edges: rays aimed at edges and vertices of closed meshes, rays
+//! that pass just outside edges, and nets whose edges and vertices lie on the rays of an image's pixels.
 
 use glam::{DVec3, Vec3};
 use raycl::launch::Ray;
@@ -164,10 +164,9 @@ fn jitter(x: f64, y: f64) -> f64 {
 /// The size of a sliver in [`slivers_beside_the_rays`], relative to the sliver's distance from the camera.
 const SLIVER: f64 = 1e-3;
 
-/// Returns a scene with a sliver beside each ray of an image: a triangle that the camera sees almost edge-on,
-/// so that it looks about as narrow as a rounding error. The ray lies in the sliver's plane (up to rounding),
-/// but passes the sliver's end at a distance between half the sliver's length and 2.5 times this length. No
-/// ray of the image therefore hits a sliver.
+/// Returns a scene with a sliver beside each ray of an image: a triangle that the camera sees almost edge-on, so that
+/// it looks about as narrow as a rounding error. The ray lies in the sliver's plane (up to rounding), but passes the
+/// sliver at a distance of at least half the sliver's size ([`SLIVER`]). No ray of the image therefore hits a sliver.
 pub fn slivers_beside_the_rays(side: u32) -> Scene {
     let frame = Camera::PAPER.pixel_frame(side, side);
     let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
@@ -253,7 +252,8 @@ pub fn rays_beside_edges(part: f32) -> (Scene, Vec<Ray>) {
         let [from, to] = [corners[edge], corners[(edge + 1) % 3]].map(Vec3::as_dvec3);
         let start = origin.as_dvec3();
         let offset = from.lerp(to, 0.05 + 0.9 * f64::from(number) / 2000.0) - start;
-        // The direction away from the triangle, perpendicular to the plane through the edge and the origin.
+        // This direction is perpendicular to the plane through the edge and the origin. `inwards` is 1 if the
+        // direction points to the triangle's side of this plane, and -1 otherwise.
         let outwards = (from - start).cross(to - start).normalize();
         let inwards = outwards.dot(corners[(edge + 2) % 3].as_dvec3() - start).signum();
         let direction = (offset - outwards * inwards * f64::from(part) * offset.length()).normalize();

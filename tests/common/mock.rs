@@ -164,7 +164,8 @@ pub fn execute(
     with_run(text, folder, |run| execute_run(run, folder, spawner, interrupted))
 }
 
-/// Runs an experiment with simulated workers, like `execute`. The experiment `run` was already read.
+/// Runs an experiment with simulated workers, like `execute`. The experiment was already read, and is a part of
+/// `run`.
 pub fn execute_run(
     run: &Run<'_>,
     folder: &Path,

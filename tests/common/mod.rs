@@ -29,8 +29,8 @@ pub fn device() -> Device {
     chosen.into_iter().next().expect("a usable test device")
 }
 
-/// The local size of all tests that work with any local size. All these tests use the same size, so that PoCL
-/// compiles kernels for only one size.
+/// The local size of most tests that work with any local size. They use the same size, so that PoCL compiles their
+/// kernels for only one size.
 pub const COMMON_LOCAL_SIZE: [u32; 2] = [8, 8];
 
 /// Returns true if the tests run as `make test-long`, which runs all tests completely. `make test` leaves out
@@ -39,10 +39,10 @@ pub fn is_long() -> bool {
     std::env::var_os("RAYCL_TEST_LONG").is_some()
 }
 
-/// Returns the strategies, or the changes to kernel files, that this run of the tests tries. Each needs a
-/// program of its own, which takes PoCL seconds to compile and is in no cache of a new machine. `make test`
-/// therefore tries the first of every eight; `make test-long` tries all, and `make mutants` tries all changes.
-/// Every family casts all features together even in `make test` (tests/all_features.rs).
+/// Returns the strategies, or the changes to kernel files, that this run of the tests tries. Each needs a program of
+/// its own, which takes PoCL seconds to compile and is in no cache of a new machine. `make test` therefore tries the
+/// first of every eight; `make test-long` tries all, and `make mutants` tries all changes. Every family except the
+/// rasteriser casts all features together even in `make test` (tests/all_features.rs).
 pub fn due<T>(all: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
     all.into_iter().step_by(if is_long() { 1 } else { 8 })
 }
@@ -53,11 +53,10 @@ pub fn soon<'a>(names: impl IntoIterator<Item = &'a str>) -> impl Iterator<Item 
     names.into_iter().filter(|name| is_long() || !name.starts_with("tile-group"))
 }
 
-/// Returns true if `make test` tests a strategy on PoCL, and false if only `make test-long` does. PoCL takes
-/// half a minute to compile a strategy in which work-items share tiles. `make test` compiles such strategies only
-/// in a few tests of their own and in tests/all_features.rs. It runs all of them that are in the pairwise cover (a
-/// set of strategies that has every pair of values) under the simulator Oclgrind, which need not compile kernels to
-/// machine code.
+/// Returns true if `make test` tests a strategy on PoCL, and false if only `make test-long` does. PoCL takes half a
+/// minute to compile a strategy in which work-items share tiles. `make test` compiles such strategies only in a few
+/// tests of their own and in tests/all_features.rs. If such a strategy is in the pairwise cover (see [`cover`]),
+/// `make test` also runs it under the simulator Oclgrind, which need not compile kernels to machine code.
 pub fn compiles_soon(strategy: &Strategy) -> bool {
     !strategy.shares_tiles() || is_long()
 }
