@@ -86,8 +86,8 @@ fn a_program_is_compiled_once_and_a_spoilt_entry_again() {
     };
     let first = records(&folder, "first", &[]);
     assert_eq!(fields(&first, "outcome"), vec!["measured"; 4]);
-    // The second scene uses the programs of the first scene; only the program of a strategy with a tree may
-    // depend on the scene.
+    // The second scene uses the programs of the first scene, since the two scenes differ only in their name and in
+    // the place of a vertex.
     assert_eq!(from_cache(&first), 2, "{first:?}");
     assert_eq!(entries(&folder).len(), 2);
     let second = records(&folder, "second", &[]);
