@@ -16,7 +16,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// Number of points: one baseline and four kernels, each at two image sizes.
+/// Number of points: one baseline, and two strategies at two local sizes; all of these at two image sizes.
 const POINTS: usize = 10;
 
 /// A folder with a config, in which the test starts runs.
@@ -182,7 +182,8 @@ fn every_way_to_die_costs_its_point_only() {
     }
 }
 
-/// A run does not limit the time in which a worker loads a scene, so the worker says when it does.
+/// A run does not limit the time in which a worker loads a scene. The worker therefore tells the run when it begins
+/// and ends to load a scene.
 #[test]
 fn a_worker_says_when_it_begins_and_ends_to_load_a_scene() {
     let ground = Ground::new(3);
@@ -240,8 +241,8 @@ fn random_moment(rng: &mut ChaCha8Rng, ground: &Ground, run: &mut Child) {
     });
 }
 
-/// A test that kills runs gives up after this many runs per kill. Most runs live long enough to be killed, so
-/// a correct test needs fewer runs than this.
+/// A test that kills runs or workers gives up after this many runs per kill. Most runs have not ended yet when the
+/// test is about to kill, so fewer runs are enough.
 const RUNS_FOR_A_KILL: usize = 20;
 
 #[test]
@@ -325,7 +326,7 @@ fn a_signal_to_the_whole_process_group_ends_no_worker_before_its_run() {
         let output = finish(run);
         let said = said(&output);
         assert_eq!(output.status.code(), Some(130), "{said}");
-        // A run that a second signal ends prints nothing.
+        // If the second signal had ended the run, the run would have printed nothing.
         assert!(said.contains("interrupted") && said.contains("--resume"), "{said}");
         ground.resume();
     }
@@ -377,8 +378,8 @@ fn a_program_whose_file_is_removed_meanwhile_ends_its_run() {
     let mut copy = Command::new(&file);
     copy.args(command.get_args()).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     copy.envs(command.get_envs().filter_map(|(name, value)| Some((name, value?))));
-    // A program that has started no longer needs its file, although it starts further processes of itself, which list
-    // the devices and measure the points.
+    // After its start, raycl no longer needs its program file. Without this file, raycl can even start the processes
+    // that list the devices and measure the points.
     let started = copy.spawn().expect("it starts");
     std::fs::remove_file(&file).expect("a file to remove");
     let output = finish(started);
@@ -388,7 +389,7 @@ fn a_program_whose_file_is_removed_meanwhile_ends_its_run() {
 
 #[test]
 fn a_driver_that_is_gone_ends_the_run_and_loses_no_point() {
-    // Debian's OpenCL loader reads the folder that this variable names.
+    // Debian's OpenCL loader reads the folder that the variable OCL_ICD_VENDORS names.
     let vendors = tempfile::tempdir().expect("a folder");
     let list = std::env::var_os("OCL_ICD_VENDORS").map_or("/etc/OpenCL/vendors".into(), PathBuf::from);
     for entry in std::fs::read_dir(list).into_iter().flatten().flatten() {
@@ -451,7 +452,7 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
     ground.resume();
 }
 
-/// Returns a command that runs `command`, which then cannot make a file of more than this many times 1024 bytes.
+/// Returns a command that runs `command`. Run in this way, `command` cannot make a file larger than `kibibytes` KiB.
 fn limited(kibibytes: u32, command: &Command) -> Command {
     let mut bash = Command::new("bash");
     let words = format!("ulimit -f {kibibytes}; exec \"$@\"");

@@ -1,6 +1,6 @@
-//! Every number in README.md, docs/kernels.md, docs/paper.md and docs/performance.md agrees with the stored
-//! records, and the check of the documents notices if any number is changed. The records, docs/results, are
-//! in the repository and not in the package.
+//! Every number in the prose and tables of README.md, docs/kernels.md, docs/paper.md and docs/performance.md agrees
+//! with the stored records, or is listed under `[facts]` in docs/figures.toml. The check of the documents notices if
+//! such a number is changed. The records, docs/results, are in the repository and not in the package.
 
 use raycl::documents::{DOCUMENTS, Difference, Documents};
 use raycl::rule::{Sweep, source};
@@ -94,9 +94,8 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
                 continue; // A name, such as H200.
             }
             let mut changed = text.to_owned();
-            // The test changes a number of the document by inserting the digit 7 before it. The changed
-            // number is much larger, so it is unlikely to equal another number that the check of documents
-            // would accept in this place.
+            // The test changes a number by inserting the digit 7 before its digits, or before those after its decimal
+            // point. The check is unlikely to accept the changed number.
             changed.insert(at.start, '7');
             assert!(
                 !documents.check(&changed).is_empty(),

@@ -1,4 +1,4 @@
-//! The functions that the fuzz targets of tests/fuzz/ call: each reads an input as raycl reads a file of this kind. The
+//! The functions that the fuzz targets of tests/fuzz/ call: each reads its input as raycl reads one kind of file. The
 //! tests here call these functions with files of the repository, from which fuzzing starts, too.
 
 use raycl::config::parse;
@@ -26,7 +26,7 @@ pub fn config(text: &str) {
     }
 }
 
-/// Reads the journals of a run. Records that can be read can be summarised, and their journal can still be read after a
+/// Reads the input as the two journals of a run, one of samples and one of records. Records that can be read can be summarised, and their journal can still be read after a
 /// line is appended.
 pub fn journal(bytes: &[u8], folder: &Path) {
     let path = write(folder, "records.jsonl", bytes);

@@ -132,8 +132,8 @@ fn figure_4() -> Figure {
     Figure::new("figure-4", [&[green, reversed], &ground()[..]].concat())
 }
 
-/// Returns the pyramid of the student paper's Figure 3. The camera sees neither the pyramid's back nor its
-/// base, but only the shadow of both.
+/// Returns the pyramid of the student paper's Figure 3. The camera does not see the pyramid's back and base, but these
+/// two faces throw shadows.
 fn pyramid(scene: &'static str) -> Figure {
     let (apex, front) = (dvec3(0.0, 2.0, -3.5), dvec3(0.0, -1.0, -2.0));
     let (left, right) = (dvec3(-2.0, -1.0, -3.0), dvec3(2.0, -1.0, -3.0));

@@ -1,10 +1,11 @@
-//! raycl reads only ordinary files within limits. Messages of raycl show only text of files that the user
-//! named, or that lie in the same folder as the file that names them.
+//! Of the files that are named, raycl reads only ordinary ones, up to a maximum size. Messages of raycl show only text
+//! of files that the user named, or that lie in the same folder as the file that names them.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, has};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 
-/// The text of files that the user did not name. No message of raycl may show the text of such a file.
+/// A word in files of these tests. No message of raycl may show this word, unless the user named the file, or the file
+/// lies in the same folder as the file that names it.
 const SECRET: &str = "hunter2";
 
 const CONFIG: &str = r#"question = "?"

@@ -7,12 +7,13 @@ use image::{Rgb, RgbImage};
 /// A tetrahedron, and a plate above it. The tetrahedron lies in the plate's shadow.
 const MESH: &str = "v 0 1 0\nv -1 0 1\nv 1 0 1\nv 0 0 -1\nv -1 1.5 -1\nv 1 1.5 -1\nv 0 1.5 1\n\
                     f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\nf 5 6 7\n";
-/// The strategies from which `render` chooses, each named explicitly, and one that casts shadow rays from the lights.
+/// Strategies from which `render` chooses, on a CPU or on a GPU: `tile` and `tile-group` cast tiles, `bvh` and
+/// `bvh-packet` use a tree, too, and `wide-common-origin` uses no tree.
 const FAMILIES: [&str; 5] = ["tile", "tile-group", "bvh", "bvh-packet", "wide-common-origin"];
 /// A size at which a row of the half picture consists of whole vectors of 16 pixels.
 const EVEN: [&str; 4] = ["--width", "96", "--height", "64"];
 const ODD: [&str; 4] = ["--width", "75", "--height", "61"];
-/// The option after which the mesh's upward direction is the z axis.
+/// The option that makes the z axis the mesh's upward direction.
 const UPWARDS: [&str; 2] = ["--up", "z"];
 
 fn options<'a>(device: &'a str, size: [&'a str; 4], more: &[&'a str]) -> Vec<&'a str> {
@@ -215,7 +216,7 @@ fn a_broken_half_picture_is_a_wrong_picture() {
         [ROWS, "colour.z.scdef, hit.scdef", "colour.z.scdef, hit.scdee", "tile"],
         [FILTER, "to_right ? row.hit.s1223344556677889 : row.hit", "row.hit", "tile"],
     ];
-    // The first of these changes is only visible if there are many lights, the second only if up is not the y axis.
+    // The change `rounds` is only visible if there are many lights, the change `upwards` only if up is not the y axis.
     let light = ["lights + LIGHT_FLOATS * source)", "lights + LIGHT_FLOATS * light)"];
     let rounds = ["tile_gpu/shadow.cl", light[0], light[1], "tile-group"];
     let upwards = [SOFT, "dot3(normal, splat(LOAD3(soft->numbers + 6)))", "normal.y", "bvh"];

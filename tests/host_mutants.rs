@@ -1,5 +1,5 @@
 //! Checks that the table of changes to Rust code (`tests/mutants/host.toml`) still fits the sources.
-//! `make mutants` makes the changes of the table one at a time, and checks that a test fails for each change.
+//! `make mutants` makes the changes of the table one at a time, and checks that a test fails for nearly every change.
 
 use crate::binary::repository;
 use serde::Deserialize;
@@ -64,9 +64,9 @@ fn are_statements(text: &str) -> bool {
         .is_some_and(|block| !block.stmts.iter().any(|statement| matches!(statement, syn::Stmt::Local(_))))
 }
 
-/// Each row of the table is a change to raycl's code. The changes of all rows without the key `apart` are
-/// built into one program. For each of these rows, the program has a condition that chooses between the
-/// original code and the changed code.
+/// Each row of the table is a change to raycl's code. The changes of many rows without the key `apart` are built into
+/// one program. For each of these rows, the program has a condition that chooses between the original code and the
+/// changed code.
 #[test]
 fn rows_that_share_a_build_are_expressions_or_statements() {
     for Mutant { file, from, to, .. } in mutants().iter().filter(|row| !row.apart && row.reason.is_none()) {

@@ -35,7 +35,7 @@ fn jobs(path: &str) -> Vec<(String, Vec<Yaml>)> {
 
 const WORKFLOWS: [&str; 2] = [".github/workflows/ci.yml", ".github/workflows/release.yml"];
 
-/// Programs that exist on the machines on which these commands run.
+/// Further programs that workflows may start. They exist on the machines that run the workflows.
 const ELSEWHERE: [&str; 8] = ["apt-get", "curl", "sh", "echo", "cd", "git", "sha256sum", "gh"];
 
 /// Fails unless each program in a line of shell exists on the machine that runs it, and has the requested
@@ -151,7 +151,7 @@ fn the_container_file_copies_what_is_there() {
         let script = command.split(' ').next().expect("a name");
         assert!(repository(".ci").join(script).is_file(), "there is no .ci/{script}");
     }
-    // The container installs the same two packages as `make setup`.
+    // The container installs the OpenCL loader and PoCL from the same packages as `make setup`.
     let setup = read_to_string(repository(".ci/setup")).expect("the script");
     for package in ["ocl-icd-libopencl1", "pocl-opencl-icd"] {
         has(&text, &[package]);
@@ -229,7 +229,7 @@ fn an_archive_holds_the_binary_its_pages_its_completions_and_its_documents() {
     }
 }
 
-/// The license file names every file in a folder of assets, except those that raycl's developers wrote.
+/// The file LICENSE names every file in src/report/assets, except those that raycl's developers wrote.
 #[test]
 fn the_licence_names_the_files_of_others() {
     const OWN: [&str; 1] = ["published_runtimes.csv"];
@@ -283,7 +283,8 @@ fn the_build_script_watches_all_files_that_the_program_embeds() {
     }
 }
 
-/// A package in another project's repository has its own revision, not the repository's.
+/// A package in another project's repository has the revision that its .cargo_vcs_info.json names, or no revision. It
+/// never has the repository's.
 #[test]
 fn the_revision_is_not_that_of_another_repository() {
     let folder = WorkFolder::new();
@@ -302,8 +303,8 @@ fn the_revision_is_not_that_of_another_repository() {
     git(&["commit", "--quiet", "--message", "both"]);
     assert_eq!(revision("."), Some(git(&["rev-parse", "--short=12", "HEAD"])));
     assert_eq!(revision("vendor/raycl"), None);
-    // A file that is written again with the same text is not changed. The build script does not note this in git's
-    // index, since cargo would then compile raycl again.
+    // A file that is written again with the same text counts as unchanged. The build script does not update git's index
+    // because of such a file: after an update of the index, cargo would compile raycl again.
     let index = || std::fs::read(folder.path(".git/index")).expect("the index");
     let before = index();
     folder.write("Cargo.toml", "");

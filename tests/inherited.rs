@@ -1,6 +1,6 @@
-//! raycl works whatever it inherits from the process that started it: ignored signals, streams that do not
-//! wait, the process ID of a container's first process. raycl's background processes close the files that
-//! they inherit from their caller.
+//! raycl works whatever it inherits from the process that started it: ignored signals, non-blocking streams, the
+//! process ID of a container's first process. raycl's background processes close the files that they inherit from
+//! their caller.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, finish, program, run, until};
 use crate::view::Tmux;
@@ -81,7 +81,7 @@ fn ends_with(signal: Signal, code: i32, mut command: Command, wait: impl Fn()) -
     said.into_owned()
 }
 
-/// The system gives the first process of a container only signals for which it has a handler.
+/// Of all signals except SIGKILL and SIGSTOP, a container's first process gets only those for which it has a handler.
 #[test]
 fn as_the_first_process_of_a_container_render_ends_with_the_signal_that_it_gets() {
     let Some(container) = container() else { return };
@@ -172,7 +172,7 @@ fn streams_that_do_not_wait_are_made_to_wait() {
         Stdio::from(full.try_clone().expect("the same pipe")),
     ];
     let mut child = program().arg("strategies").stdin(stdin).stdout(stdout).spawn().expect("raycl starts");
-    // The test empties the pipe only after raycl has begun to wait for space in it, or has failed.
+    // The test empties the pipe only after raycl has switched the full pipe to blocking writes, or has failed.
     until("raycl waits for space", || {
         !flags(&full).contains(OFlags::NONBLOCK) || child.try_wait().expect("a status").is_some()
     });

@@ -1,7 +1,7 @@
-//! Compares every preset at every local size, and a pairwise cover (strategies that together have every pair
-//! of two axes' values), with the reference on PoCL. `make test-long` tests all of these combinations.
-//! `make test` tests each preset at 8 x 8 and at up to two other local sizes, and a third of the cover's
-//! strategies.
+//! Casts pictures on PoCL, and compares them with the reference: with every preset at every local size, and with a
+//! pairwise cover (strategies that together have every pair of two axes' values). `make test-long` tests all of these
+//! combinations. `make test` tests each preset at 8 x 8 and at up to two other local sizes, and a third of the cover's
+//! strategies. Presets whose work-items share tiles have a single local size.
 
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
@@ -114,7 +114,7 @@ fn of_each_family_and_wide() -> impl Iterator<Item = Strategy> {
     one_preset_of_each_family().into_iter().chain(wide).map(|preset| preset.strategy)
 }
 
-/// In all other tests, pictures are wider than high. Pictures that are wider than high would not show a
+/// In all other tests of this file, pictures are wider than high. Pictures that are wider than high would not show a
 /// mistake in a kernel that uses the width instead of the height.
 #[test]
 fn a_picture_that_is_higher_than_wide() {
@@ -137,8 +137,8 @@ fn presets_that_share_tiles() {
     }
 }
 
-/// Moves the light to a distance from the ground between the shadow bias and its square root, and the camera to where
-/// it sees the lit spot.
+/// Moves the light close to the ground: its distance is between the shadow bias and the square root of the bias. Moves
+/// the camera to where it sees the lit spot.
 fn lit_from_close_by(mut scene: Scene) -> Scene {
     let distance = 20.0 * scene.shadow_bias;
     assert!(distance.powi(2) < 0.5 * scene.shadow_bias);
@@ -206,8 +206,8 @@ fn each_ray_of_a_vector_has_the_material_of_its_own_hit() {
     all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
 }
 
-/// The scene of this test is smooth, so the corners of a face have different normals. In the tests of presets and of
-/// the pairwise cover, all corners of a face have the same normal.
+/// The gourd in the scene of this test is smooth, so the corners of its faces have different normals. In the tests of
+/// presets and of the pairwise cover, all corners of a face have the same normal.
 #[test]
 fn each_layout_brings_every_corner_its_own_normal() {
     apart!();
@@ -216,7 +216,8 @@ fn each_layout_brings_every_corner_its_own_normal() {
     let layouts = [Layout::SOUP, Layout::INDEXED_16, Layout::INDEXED_32];
     let points = layouts.map(|layout| (Strategy { layout, ..deferred }, [4, 4]));
     all_agree(&mut stand, points, none);
-    // In this scene, all rays of many vectors hit the same large triangle, so a tile loads its normals only once.
+    // In this scene, all rays of many vectors hit the same large triangle. For such a vector, a tile loads the
+    // triangle's normals only once.
     let tile = Strategy { layout: Layout::INDEXED_32, ..preset("tile").expect("a preset").strategy };
     all_agree(&mut Stand::new(scene("figure-4.toml"), SIZE), [(tile, [1, 1])], none);
 }

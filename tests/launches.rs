@@ -103,15 +103,14 @@ fn how_long_a_run_takes_is_estimated_from_earlier_times() {
     let records = execute(LAUNCHES, folder.path(), &mut Mock::new(|_| Act::Answer), &AtomicBool::new(false));
     let records: Vec<Record> = records.expect("it runs").iter().enumerate().map(timed).collect();
     let known = expected(&records, &[]);
-    // The expected time of the run is the sum of a second for each sample (15 per point), a second for each
-    // check of a frame (3 per point), and half a second for each worker process. The records say that the mock's first
-    // checks took no time, but a check takes at least the time of a frame.
+    // The expected time of the run is the sum of a second for each sample (15 per point), a second for each check of a
+    // frame (3 per point), and half a second for each of three launches of each of two groups. The records say that the
+    // mock's first checks took no time, but raycl expects that a check takes at least the time of a frame.
     assert_eq!((known.points, known.known), (6, 6));
     assert!((111..=116).contains(&known.time.as_secs()), "{:?}", known.time);
-    // The run may add at most as many launches as the config asks for. The added launches do not contain the
-    // first check of a point, which takes no time, so each of their checks takes a second. Each of the six
-    // launches may also take twice as many samples, which takes 30 s more. Each launch may also wait for half
-    // the time of all its samples, for another 30 s.
+    // The run may add at most as many launches as the config asks for. In the added launches, too, each check takes a
+    // second. Each of the six launches may also take twice as many samples, which takes 30 s more. Each launch may
+    // also wait for half the time of all its samples, for another 30 s.
     assert!((468..=474).contains(&known.additional.as_secs()), "{:?}", known.additional);
     // The times of two strategies at one size also allow an estimate for the other size, which has four times the
     // pixels.

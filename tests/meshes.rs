@@ -227,7 +227,7 @@ fn up_azimuth_elevation_and_background() {
 
 #[test]
 fn an_interior_wound_the_other_way_is_noted_and_turned() {
-    // A pyramid around the camera, whose faces point outwards.
+    // The camera is inside the tetrahedron, whose faces point outwards.
     let room = "[camera]\nposition = [1, 0.5, -0.8]\nlook_at = [1, 0.4, -3]\n[[light]]\nposition = [1, 0.6, -0.7]\npower = 5\n\
                 [[object]]\nmesh = \"a.obj\"\ncrease = 0\n";
     let folder = WorkFolder::with(&[("a.obj", &obj(&moved(1.0, [0.0; 3]))), ("room.toml", room)]);

@@ -95,8 +95,8 @@ fn line_of(listing: &Value, source: &str) -> u64 {
     lines[0]["line"].as_u64().expect("a number")
 }
 
-/// Checks that the source lines of working vectors access a memory, and that the source lines beside them do
-/// not.
+/// Checks that the source lines of working vectors store to a memory and load from it, and that the source lines beside
+/// them do not. In a listing of PTX, this memory is `named`; other listings do not tell memories apart.
 fn check_working_vectors(strategy: &str, named: &str) {
     let listing = listing(strategy);
     let [load, store] = ["load", "store"].map(|verb| format!("{verb} {}", memory(&listing, named)));
@@ -219,7 +219,7 @@ fn of_pocls_versions_of_a_kernel_the_one_that_a_frame_runs_is_counted() {
         ("private", "cast_frame", "64x1"),
         ("tile-group", "tile_cast", "32x1"),
     ];
-    // PoCL takes a minute to compile the last strategy, once for the frame and once with a line table.
+    // PoCL compiles the last strategy twice: for the frame, and with a line table. Together, this takes a minute.
     for (strategy, kernel, local_size) in all.into_iter().take(if is_long() { 4 } else { 3 }) {
         let options = ["--strategy", strategy, "--local-size", local_size];
         let folder = WorkFolder::new();

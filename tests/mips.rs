@@ -148,8 +148,8 @@ fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     assert!(leaves.len() > 50 && 10 * green > 9 * leaves.len(), "{green} of {}", leaves.len());
 }
 
-/// Each changed kernel makes one mistake: it uses a mip level of another size, swaps the weights of two
-/// levels, uses a wrong ray cone, or reads texels of the previous level.
+/// Each changed kernel makes one mistake: it uses a mip level of another size, gives two levels the same weight, uses a
+/// wrong ray cone, or reads texels of the previous level.
 #[test]
 fn a_broken_level_is_a_wrong_picture() {
     let folder = floor();

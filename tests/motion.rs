@@ -141,8 +141,8 @@ fn frames_of_other_kernels_are_other_frames_whatever_their_folder() {
     let two = ["scene.toml", "--turntable", "2"];
     turn(&folder, &two);
     let file = "common/store_radiance.cl";
-    // Another folder of kernels counts as a change, even if its kernels compute the same values. An edit of a
-    // file in the same folder of kernels also counts as a change.
+    // A kernel file with another text counts as a change, even if its kernels compute the same values. It does not
+    // matter whether the text is that of another folder, or was edited in the same folder.
     let kernels = folder.kernels(file, "(varying)(1.0f)", "(varying)(1)");
     let with = [&two[..], &["--cl-dir", &kernels]].concat();
     let refused = || folder.mistake(&[&["render"], &with[..], &SIZE].concat(), 2);
@@ -178,7 +178,7 @@ fn one_animated_picture_holds_the_same_frames_and_so_does_a_stream() {
         reader.next_frame(&mut frame).expect("a frame");
         assert_eq!(frame, pixels(&folder, &format!("mesh-000{number}.png")), "frame {number}");
     }
-    // raycl recognises a picture that it made by a mark in the file, and replaces the file.
+    // A mark in this file shows that raycl made the picture, so raycl replaces the file.
     turn(&folder, &["mesh.obj", "--turntable", "2", "-o", "turn.apng"]);
     let stream = ["render", "mesh.obj", "--turntable", "3", "-o", "-", "-q", "--device", &device];
     let stream = folder.raycl(&[&stream[..], &SIZE].concat()).assert().success().get_output().stdout.clone();

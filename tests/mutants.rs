@@ -1,5 +1,6 @@
-//! Broken kernels: verification must notice every change to a kernel file that tests/mutants/kernels.toml
-//! lists. `make test` tries some of the listed changes; `make test-long` tries all.
+//! Broken kernels: tests/mutants/kernels.toml lists changes to kernel files. Verification must notice each change that
+//! makes a picture wrong. Other tests of this file must notice changes with other effects. `make test` tries some of
+//! the listed changes; `make test-long` tries all.
 
 use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::apart::apart;
@@ -27,7 +28,7 @@ static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 /// several samples need special scenes or options; tests/cutouts.rs, tests/soft.rs, tests/area_lights.rs,
 /// tests/environment.rs, tests/samples.rs and tests/shade_once.rs change the files that contain the code of
 /// these features. Soft light at half resolution is part of the default look of bare meshes;
-/// tests/half_light.rs changes the file of this light. The display transform does not take part in the
+/// tests/half_light.rs changes the files of this light. The display transform does not take part in the
 /// computation of radiance. A test in src/launch/show.rs changes the file of the display transform.
 const UNTOUCHED: [&str; 18] = [
     "common/half_light.cl",
@@ -272,8 +273,8 @@ fn a_broken_edge_leaks() {
     }
 }
 
-/// Changes to kernels because of which an eye sees a surface in whose plane it lies. Rounding decides what such an eye
-/// sees, so verification accepts the picture. The surface fills a large part of it.
+/// With these changes to kernels, an eye that lies in a surface's plane sees the surface. Rounding decides what such an
+/// eye sees, so verification accepts the picture. The surface fills a large part of the picture.
 #[test]
 fn a_broken_plane_is_seen_from_within() {
     apart!();

@@ -1,7 +1,6 @@
-//! The ends of rays: at the near plane, at lights, and at objects that hover just above a surface. Each scene
-//! has one of these three kinds of ends, and its picture must be correct with every traversal and every
-//! ray-triangle test. The table tests/mutants/kernels.toml lists changes to the kernels that the tests of
-//! this file notice.
+//! The ends of rays: at the near plane, at lights, and at objects that hover just above a surface. Five scenes have one
+//! of these three kinds of ends. Their pictures must be correct with every traversal, and with five ray-triangle tests.
+//! The table tests/mutants/kernels.toml lists changes to the kernels that the tests of this file notice.
 
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, one_preset_of_each_family, soon};
@@ -20,8 +19,8 @@ fn scene(name: &str) -> Scene {
     load_scene(&path).expect("a scene").scene
 }
 
-/// Returns strategies of every kernel family, and of ray packets, with each ray-triangle test that they
-/// support.
+/// Returns strategies of every kernel family, and of ray packets, with each of five ray-triangle tests that they
+/// support. `make test` leaves out strategies that take long to compile.
 fn strategies() -> Vec<Strategy> {
     let tests = [
         Intersector::MOLLER_TRUMBORE,
@@ -67,8 +66,8 @@ fn shadow_rays_end_at_lights_and_meet_all_before() {
 }
 
 /// Rounding moves the ends of shadow rays from this light by more than the bias. The reference therefore does
-/// not know which of the shadow rays reach the surface, and verification accepts dark pixels. All surfaces of
-/// this scene are lit. A black pixel shows a shadow, since the background is not black.
+/// not know which of the shadow rays reach the surface, and verification accepts dark pixels. All surfaces
+/// that the camera sees are lit. A black pixel shows a shadow, since the background is not black.
 #[test]
 fn surfaces_far_from_their_light_do_not_shadow_themselves() {
     apart!();

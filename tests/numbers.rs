@@ -34,7 +34,7 @@ fn presets() -> impl Iterator<Item = Strategy> {
     PRESETS.iter().map(|preset| preset.strategy).filter(compiles_soon)
 }
 
-/// Returns every preset whose result does not depend on the scene's scale.
+/// Returns the presets of [`presets`] whose results do not depend on the scene's scale.
 fn scale_free() -> impl Iterator<Item = Strategy> {
     presets().filter(|strategy| strategy.epsilons == Epsilons::Relative)
 }
@@ -74,7 +74,7 @@ fn a_scene_scaled_by_a_power_of_two_gives_the_same_bits() {
     }
 }
 
-/// Casts a scene with every preset, and checks that no value is NaN, infinite or negative, neither in the
+/// Casts a scene with the presets of [`presets`], and checks that no value is NaN, infinite or negative, neither in the
 /// images nor in the references.
 fn finite_everywhere(what: &str, scene: Scene) {
     finite_at(SIZE, what, scene, presets());
@@ -269,9 +269,8 @@ fn dark_share(stand: &Stand, strategy: &Strategy, expected: &Radiance) -> f64 {
     pairs.filter(|(cast, expected)| cast[0] < 0.9 * expected[0]).count() as f64 / image.pixels.len() as f64
 }
 
-/// Returns a sphere a thousand times smaller than its ground, with a light that is as near to the sphere as
-/// the sphere is large. Tiles at the sphere's outline have shadow rays whose lengths differ by a factor of a
-/// thousand.
+/// Returns the scene of sphere.toml with everything a thousand times smaller, except the ground. The light is close to
+/// the sphere. Tiles at the sphere's outline have shadow rays whose lengths differ by a factor of about a thousand.
 fn small_sphere_on_a_large_ground() -> Scene {
     let mut scene = scene("sphere.toml");
     let ground = scene.mesh.triangles.len() - 2;

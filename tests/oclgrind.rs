@@ -88,8 +88,8 @@ impl Simulation<'_> {
 }
 
 /// Returns all reports of Oclgrind about a command that writes its log to `folder`, and the message of a command that
-/// fails. A strategy that does not fit on the simulated device (32 KiB of `__local` memory), or whose program does not
-/// build, is such a failure, since `make test` casts many strategies nowhere else.
+/// fails. A command also fails if its strategy does not fit on the simulated device (32 KiB of `__local` memory), or if
+/// its program does not build. Such failures are reported, too, since `make test` casts many strategies nowhere else.
 fn reports_of(command: &mut Command, folder: &Path) -> String {
     let output = crate::binary::run(command);
     // Oclgrind exits with the program's exit code, so only the log shows its reports.
@@ -222,8 +222,8 @@ fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
 
 /// The scenes of all other tests in this file need no code for soft light, several samples, pictures of skies
 /// or textures. Blocks of samples fit exactly into the first picture of this test, and extend beyond the
-/// second picture. Soft light at half resolution is left out. Oclgrind cannot run its kernels, since Oclgrind
-/// lacks a function of LLVM that the compiler inserts.
+/// second picture. Soft light at half resolution is left out, since the compiler inserts a function of LLVM into its
+/// kernels that Oclgrind does not have.
 #[test]
 fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
     let adaptive = ["--samples", "4", "--adaptive", "--set", "light.0.radius=0.5"];

@@ -19,8 +19,8 @@ Transform = mi.ScalarTransform4f
 import models
 
 SIZE = (640, 400)
-# The least signal-to-noise ratios, in dB, of a picture and of the means of its blocks of pixels. The means have less
-# noise, so their ratio is too low even if a light is too bright by only one hundredth.
+# The least signal-to-noise ratios, in dB, of a picture and of the means of its blocks of pixels. The means have little
+# noise, so their ratio is below its limit even if a light is too bright by only one hundredth.
 LEAST, LEAST_OF_BLOCKS = 30, 50
 # The side of a block, in pixels.
 BLOCK = 8
