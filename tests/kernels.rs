@@ -1,7 +1,7 @@
-//! Casts pictures on PoCL, and compares them with the reference: with every preset at every local size, and with a
-//! pairwise cover (strategies that together have every pair of two axes' values). `make test-long` tests all of these
-//! combinations. `make test` tests each preset at 8 x 8 and at up to two other local sizes, and a third of the cover's
-//! strategies. Presets whose work-items share tiles have a single local size.
+//! Casts pictures on PoCL with every preset at every local size, and with a pairwise cover (strategies that together
+//! have every pair of two axes' values). Compares the pictures with the reference. `make test-long` tests all of these
+//! combinations. `make test` tests a third of the cover's strategies, and each preset at 8 x 8 and at up to two other
+//! local sizes. Presets whose work-items share tiles are an exception: they have a single local size.
 
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
@@ -228,7 +228,7 @@ fn each_layout_brings_every_corner_its_own_normal() {
 #[test]
 fn of_two_objects_in_the_same_place_every_preset_shows_the_first() {
     apart!();
-    // All presets can keep this scene in `__local` memory, also on devices with little `__local` memory.
+    // Every preset that keeps triangles in `__local` memory can cast this scene, also on devices with little of it.
     let mut scene = scene("still-life.toml");
     let mesh = scene.mesh_mut();
     let mut second = mesh.clone();

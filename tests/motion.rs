@@ -113,7 +113,7 @@ fn a_stream_onto_a_full_disk_is_a_failed_run_that_says_so() {
     has(&said, &["cannot write to standard output", "free up space on the file's disk"]);
 }
 
-/// A pipe holds only a few frames of this stream, so most frames are cast only after somebody has read the
+/// A pipe holds only a small part of this stream, so most frames are cast only after somebody has read the
 /// earlier ones.
 #[test]
 fn a_stream_that_its_reader_closes_early_has_the_frames_that_were_cast() {

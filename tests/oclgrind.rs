@@ -222,8 +222,8 @@ fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
 
 /// The scenes of all other tests in this file need no code for soft light, several samples, pictures of skies
 /// or textures. Blocks of samples fit exactly into the first picture of this test, and extend beyond the
-/// second picture. Soft light at half resolution is left out, since the compiler inserts a function of LLVM into its
-/// kernels that Oclgrind does not have.
+/// second picture. Soft light at half resolution is left out: the compiler makes its kernels call a function of LLVM
+/// that Oclgrind does not have.
 #[test]
 fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
     let adaptive = ["--samples", "4", "--adaptive", "--set", "light.0.radius=0.5"];
