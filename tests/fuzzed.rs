@@ -26,8 +26,8 @@ pub fn config(text: &str) {
     }
 }
 
-/// Reads the input as a journal of samples, and as a journal of records. Records that can be read can be summarised, and
-/// their journal can still be read after a line is appended.
+/// Reads the input as a journal of samples, and as a journal of records. Records that can be read can be summarised,
+/// and their journal can still be read after a line is appended.
 pub fn journal(bytes: &[u8], folder: &Path) {
     let path = write(folder, "records.jsonl", bytes);
     let _ = read_lines::<Sample>(&path);

@@ -266,7 +266,7 @@ fn the_build_script_watches_all_files_that_the_program_embeds() {
     let root = repository("").canonicalize().expect("the repository");
     let mut embedded = BTreeSet::new();
     for file in crate::microscope::files(&root.join("src")) {
-        // Some folders contain other files than Rust's.
+        // Some files of src/ are not Rust code. Those that are not even text count as empty.
         let text = read_to_string(&file).unwrap_or_default();
         let code = text.split("#[cfg(test)]").next().unwrap_or_default();
         for start in ["include_str!(\"", "include_bytes!(\"", "include_dir!(\"$CARGO_MANIFEST_DIR/"] {

@@ -227,7 +227,7 @@ fn pictures() -> BTreeMap<(String, u32), Vec<Strategy>> {
     pictures
 }
 
-/// A picture that is wrong even without a change would hide that verification does not notice the change.
+/// If a picture were wrong even without a change to a kernel, verification would seem to notice every change.
 #[test]
 fn without_a_change_each_picture_is_right() {
     apart!();

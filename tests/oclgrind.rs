@@ -13,7 +13,7 @@ use std::process::{Command, Stdio};
 
 /// Kernels are compiled without optimisation, since Oclgrind 21.10 does not know an intrinsic that optimised code uses.
 const OPTIONS: &str = "-cl-opt-disable";
-/// The options for the faults that Oclgrind looks for besides accesses out of bounds.
+/// With one of these two options, Oclgrind also looks for a kind of fault other than accesses out of bounds.
 const RACES: &str = "--data-races";
 const UNINITIALISED: &str = "--uninitialized";
 /// The width and height of pictures in pixels, unless a test sets another width and height.
@@ -227,8 +227,8 @@ fn tiles_store_nothing_below_a_picture_whose_rows_are_whole_blocks() {
 #[test]
 fn code_that_plain_scenes_do_not_need_has_no_race_and_stays_in_bounds() {
     let adaptive = ["--samples", "4", "--adaptive", "--set", "light.0.radius=0.5"];
-    // With this narrow field of view, pixels are so small that most of them are shaded once, and some of
-    // these pixels are partly in shadow.
+    // With this narrow field of view, pixels are so small that most of them are shaded once for all of their samples.
+    // Some of these pixels are partly in shadow.
     let once = ["--samples", "13", "--set", "camera.fov_x_degrees=1"];
     for (name, scene, size, options) in [
         ("tile", "pyramid-lower.toml", ["16", "12"], &adaptive[..]),

@@ -403,9 +403,9 @@ fn listed<'a>(cell: &str, files: &'a [String]) -> BTreeSet<&'a str> {
     all
 }
 
-/// Checks the first table of docs/own-kernels.md after a text. The table must list exactly the names that meet two
-/// conditions: all files of the folder `own` define the name, and files of the folders `outside` use it. Each row of
-/// the table must list exactly the files that use its name.
+/// Checks a table of docs/own-kernels.md: the first one that follows the text `after`. The table must list exactly the
+/// names that meet two conditions: all files of the folder `own` define the name, and files of the folders `outside`
+/// use it. Each row of the table must list exactly the files that use its name.
 fn lists_names_with_their_users(after: &str, own: &str, outside: &[String]) {
     let files: Vec<_> = kernel_files(own).iter().map(|name| code(name)).collect();
     let is_own = |name: &String| files.iter().all(|file| defined(file).contains(name));
