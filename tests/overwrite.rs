@@ -1,5 +1,6 @@
-//! Files that a command would overwrite. Without `--force`, raycl overwrites no file that it did not write,
-//! and no file that was changed after raycl wrote it. Reports and comparisons are tested in tests/report.rs.
+//! Files that a command would overwrite. Without `--force`, raycl overwrites no file that it did not write, and no file
+//! that was changed after raycl wrote it. (In a folder of results, raycl may overwrite every file that has one of
+//! raycl's file names.) Reports and comparisons are tested in tests/report.rs.
 
 use crate::binary::{TRIANGLE, WorkFolder, device, has, one_point, until};
 use std::io::{BufRead as _, BufReader};
@@ -10,11 +11,11 @@ use std::time::Duration;
 /// The contents of a user's own file.
 const MINE: &str = "the only copy";
 
-/// The time limit of a process. Only a process that hangs reaches this limit.
+/// How long a test waits for the next line of a process. Only a process that hangs makes a test wait so long.
 const LIMIT: Duration = Duration::from_secs(180);
 
-/// Checks that a command is refused before it does any work or loads a driver, that the file is unchanged, and that
-/// the message says what to do.
+/// Checks that a command is refused before it loads a driver, that the file is unchanged, and that the message says
+/// what to do.
 fn refused(folder: &WorkFolder, arguments: &[&str], file: &str, parts: &[&str]) {
     let before = std::fs::read(folder.path(file)).expect("a file");
     let mut command = folder.raycl(arguments);
@@ -48,7 +49,7 @@ fn a_texture_beside_its_mesh_stays() {
     assert!(image::open(folder.path("spot.png")).is_ok());
 }
 
-/// A picture at the path of a missing texture would be the mesh's texture in the next picture.
+/// If raycl saved a picture at the path of a missing texture, the next picture would show this picture as a texture.
 #[test]
 fn no_picture_takes_the_place_of_a_missing_texture() {
     let mesh = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n";
@@ -62,7 +63,7 @@ fn no_picture_takes_the_place_of_a_missing_texture() {
         assert!(!message.contains("cannot be read"), "{message}");
         assert!(!folder.path(texture).exists() && !folder.path("a-0001.png").exists());
     }
-    // The default name is refused only if the scene names it.
+    // The picture's default name is a.png. Here, the scene names another file, so raycl writes a.png.
     let folder = WorkFolder::with(&[("a.obj", mesh), ("a.mtl", "newmtl a\nmap_Kd b.png\n")]);
     render(&folder, &["a.obj"]);
     assert!(image::open(folder.path("a.png")).is_ok());
@@ -94,7 +95,7 @@ fn a_file_of_the_scene_stays_even_with_force() {
     let materials = textures.map(|name| format!("newmtl {name}\nmap_Kd {name}\n")).concat();
     let faces = textures.map(|name| format!("usemtl {name}\nf 1/1 2/2 3/3\n")).concat();
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
-    // raycl shows no pictures of normals; they are files of the scene nevertheless.
+    // raycl does not use normal maps, but the files of normal maps are files of the scene nevertheless.
     folder.write("d-normal.png", MINE);
     folder.write("mesh.mtl", &format!("{materials}map_Bump -bm 0.5 d-normal.png\n"));
     folder.write("mesh.obj", &format!("mtllib mesh.mtl\n{corners}{faces}"));

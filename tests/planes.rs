@@ -70,9 +70,9 @@ fn wrong_with(strategies: Vec<Strategy>, size: [u32; 2], name: &str, scene: Scen
     strategies.into_iter().filter_map(check).collect()
 }
 
-/// With planes of an origin, the values of the three edge functions are the hit's weights only if the planes have the
-/// same factor. Eager shading interpolates normals with these weights; so does `tile-group`, to find the lights that
-/// a hit faces.
+/// With the common-origin intersector, the three edge functions divided by their sum are the hit's weights only if all
+/// three planes were multiplied by the same factor. Eager shading interpolates normals with these weights; so does
+/// `tile-group`, to find the lights that a hit faces.
 #[test]
 fn normals_of_long_triangles_are_interpolated_with_the_weights_of_the_hit() {
     let [wide, tile_group] =
@@ -129,10 +129,10 @@ fn the_watertight_test_does_not_see_the_ground_in_whose_plane_the_eye_lies() {
     }
 }
 
-/// The bound below which a triangle is too narrow to be hit (`LEAST_VISIBLE`) is computed from one corner.
-/// The near part of the road (long, narrow triangles) must be hit even if the corner for the bound is far
-/// away. With `tile`, each ray has another bound, `EDGE_ON_ROUNDING`, because of which the far part of the road
-/// is too narrow to be hit.
+/// The bound below which a triangle is too narrow to be hit (`LEAST_VISIBLE`) is computed from one corner. The near
+/// part of the road (long, narrow triangles) must be hit even if the corner for the bound is far away. `tile` also has
+/// a bound for each ray, which contains the factor `EDGE_ON_ROUNDING`. Because of this second bound, rays of `tile` do
+/// not hit the far part of the road.
 #[test]
 fn a_narrow_road_is_seen_if_its_far_corners_come_first() {
     let stand = Stand::new(narrow_road(), [151, 107]);
@@ -147,8 +147,8 @@ fn a_narrow_road_is_seen_if_its_far_corners_come_first() {
     }
 }
 
-/// Returns a road 35,000 times as long as wide. In each of the road's triangles, the corners at the road's
-/// far end come first.
+/// Returns a road 35,000 times as long as wide. The first corner of each of the road's triangles is at the road's far
+/// end.
 fn narrow_road() -> Scene {
     let mut scene = scene("../tests/data/road.toml");
     let mesh = scene.mesh_mut();
@@ -247,9 +247,9 @@ fn backs_are_culled_whatever_axis_a_ray_is_nearest_to() {
     }
 }
 
-/// In this view, the rays of four by four neighbouring pixels run in both directions along every coordinate
-/// axis. If the rays of a tile have no common axis, the watertight test of tiles on CPUs chooses an axis per
-/// ray.
+/// In this view, the rays of four by four neighbouring pixels run in both directions along every coordinate axis. In
+/// tiles on CPUs, the watertight test uses a common axis for the rays of a vector: an axis along which all these rays
+/// run in the same direction. If there is no such axis, as in this view, the test chooses an axis for each ray.
 #[test]
 fn rays_without_a_common_axis_meet_the_nearest_surface() {
     let wrong = wrong_at([6, 5], "a very wide view", scene("../tests/data/wide-view.toml"));

@@ -1,5 +1,5 @@
-//! All examples in README.md and in the pages of docs/ that this file names work: their TOML loads, their command lines
-//! parse, and their code lines are in the kernels.
+//! Examples in README.md and in pages of docs/ work: the TOML of some pages loads, the command lines of some pages
+//! parse, and the lines of code that docs/kernels.md quotes are in the kernels.
 
 use clap::Parser as _;
 use raycl::cli::Cli;

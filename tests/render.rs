@@ -125,7 +125,7 @@ fn json_has_every_field() {
     }
     let primary_rays = 64.0 * 40.0;
     same(ms("primary_rays_per_s"), primary_rays / ms("primary_ms") * 1e3);
-    // The scene has one triangle, so the rate of ray-triangle tests equals the rate of rays.
+    // The scene has one triangle, so the rate of ray-triangle tests equals the rate of primary rays.
     same(ms("tests_per_s"), ms("primary_rays_per_s"));
     let all_rays = primary_rays + ms("shadow_rays_per_s") * ms("shadow_ms") * 1e-3;
     same(ms("frame_rays_per_s"), all_rays / ms("frame_ms") * 1e3);

@@ -220,7 +220,7 @@ fn strategies_that_differ_in_one_axis_are_compared_in_the_page_and_in_the_summar
         record["strategy"] = format!("traversal=exhaustive vectors={vectors}").into();
         record
     };
-    // The first strategy of the pair is the one whose record comes first in the folder, not the faster one.
+    // The first strategy of the pair is the one whose record comes first in the folder, whichever of the two is faster.
     let results = folder(&[of("local-vectors", "local", 5.0), of("naive", "heap", 10.0)]);
     outcome(&["report", path(&results)], 0);
     let text = |name: &str| std::fs::read_to_string(results.path().join(name)).expect("it is there");

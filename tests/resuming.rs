@@ -16,9 +16,9 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
     let records = loop {
         sessions += 1;
         interrupted.store(false, Ordering::Relaxed);
-        // Every session (one call of `execute` on this folder) gets a little further. Each session repeats
-        // the checks of pictures. It also repeats the launch (a measurement of points by new processes) that
-        // the last session did not complete.
+        // Every session (one call of `execute` on this folder) gets a little further. Each session checks again the
+        // pictures of points that are not completely measured. It also repeats the launch (a measurement of points by
+        // new processes) that the last session did not complete.
         let mut mock = Mock::new(move |scene| {
             interrupted.store(scene.requests >= 9 * sessions, Ordering::Relaxed);
             Act::Answer
@@ -46,8 +46,8 @@ strategies = ["naive", "deferred"]
 timing = { launches = 1, warmup = 0, min_samples = 2, max_samples = 2, time_limit_ms = 1000 }
 "#;
 
-/// Resumes a run with a file that is cut off at each byte in turn: no complete line is lost, and only missing
-/// samples are measured.
+/// Resumes a run with a file that is cut off at each byte in turn: no complete line is lost, and no sample is measured
+/// again.
 fn torn_at_every_byte(name: &str) {
     let (whole, torn) = (folder(), folder());
     let off = AtomicBool::new(false);

@@ -85,9 +85,9 @@ fn every_point_is_recorded_with_every_field() {
         let [median_ms, q1_ms, q3_ms, tests] = ["median_ms", "q1_ms", "q3_ms", "tests_per_s"]
             .map(|name| record[name].as_f64().expect("a number"));
         assert!(q1_ms <= median_ms && median_ms <= q3_ms, "{record}");
-        // The scene has one triangle, so each ray is tested against one triangle. None of the measured
-        // strategies casts primary rays in a separate pass, so raycl computes the rate of tests from the time
-        // of the whole frame.
+        // The scene has one triangle, so each primary ray is tested against one triangle; the rate counts no tests of
+        // shadow rays. None of the measured strategies casts primary rays in a separate pass, so raycl computes the
+        // rate of tests from the time of the whole frame.
         assert!((tests / (33.0 * 20.0 / median_ms * 1e3) - 1.0).abs() < 1e-9, "{record}");
     }
     let naive = records.iter().find(|record| record["name"] == "naive").expect("naive");
@@ -464,8 +464,8 @@ fn configs_state_their_question_and_plan_on_any_device() {
 
 #[test]
 fn where_processors_are_is_not_measured_if_all_samples_are_kept() {
-    // All tests set RAYCL_MOVED_SAMPLES=keep, so raycl keeps all samples, and need not measure the
-    // core-to-core latency to find out where processors are.
+    // The tests start raycl with RAYCL_MOVED_SAMPLES=keep (tests/binary/mod.rs), so raycl keeps all samples, and need
+    // not measure the core-to-core latency to find out where processors are.
     let folder = new_folder();
     let records = records(&folder, &[], 0);
     let samples = folder.json_lines("out/samples.jsonl");

@@ -83,7 +83,8 @@ fn points_with_several_samples_are_verified_timed_and_named_and_show_what_render
         let of_run = folder.path("out").join(record["image"].as_str().expect("a picture"));
         assert_eq!(picture(of_run), picture(folder.path(&rendered)), "{samples} samples");
     }
-    // A message names each baseline or strategy that does not support several samples or soft light.
+    // With four samples, a point is infeasible if its baseline or strategy does not support several samples or soft
+    // light. The record states the reason.
     let refusals = [
         ("serial", "serial-f32 casts only one sample per pixel, but the scene has samples = 4"),
         (

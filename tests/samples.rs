@@ -71,8 +71,8 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
             said["mean_samples"].as_f64().expect("a number")
         })
         .collect();
-    // All kernel families give each pixel the same number of samples. The scene's triangle has pixels at its
-    // edges and pixels inside.
+    // The number of samples that a pixel gets is the same in all kernel families. The scene's triangle has pixels at
+    // its edges and pixels inside.
     assert!(means.iter().all(|mean| mean == &means[0]) && (3.0..12.0).contains(&means[0]), "{means:?}");
     let all = report(&folder, &["--samples", "16"]);
     assert_eq!((&all["samples"], &all["mean_samples"]), (&16.into(), &16.0.into()));
@@ -140,10 +140,10 @@ fn a_broken_mean_is_a_wrong_picture() {
     }
 }
 
-/// Tiles that work-items share get their positions from a list of rough blocks, which are blocks of pixels
-/// that get more samples than others. Shading reads the hits of all rays, including the rays of tiles that
-/// were not cast. The hits of a tile that was not cast are undefined, so the driver may crash. A test in
-/// src/launch/offsets.rs checks the positions without a change.
+/// Tiles that work-items share get their positions from a list of rough blocks, which are blocks of pixels that get
+/// more samples than others. Shading reads the hits of all rays, including the rays of tiles that were not cast. The
+/// hits of a tile that was not cast are undefined, so the driver may crash. A test in src/launch/offsets.rs checks the
+/// positions that the unchanged kernels compute.
 #[test]
 fn a_tile_at_another_position_of_its_rough_block_is_a_wrong_picture_or_none() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -199,8 +199,8 @@ fn tiles_and_rough_blocks_on_the_right_of_a_wide_picture_are_cast_there() {
     }
 }
 
-/// The changed kernels cast tiles with several samples of each pixel in one frame. In the changed kernels, a
-/// sample is at another position, is counted twice, or is missing.
+/// The changed kernels cast tiles with several samples of each pixel in one frame. In each changed kernel, a sample is
+/// at another position, is counted twice or is missing, or the mean is computed wrongly.
 #[test]
 fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     let folder = WorkFolder::with(&[("scene.toml", TRIANGLE)]);
@@ -232,9 +232,9 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     }
 }
 
-/// A work-item's word has too few bits for all lights, so lights are processed in rounds. The 17 samples of
-/// each pixel take two frames. In each of these two frames, each round of lights adds the radiance due to its
-/// lights to the mean.
+/// With `tile-group`, a work-item needs a bit for each pair of a light and one of the work-item's rays. The work-item's
+/// word has too few bits for all lights, so lights are processed in rounds. The 17 samples of each pixel take two
+/// frames. In each of these two frames, each round of lights adds the radiance due to its lights to the mean.
 #[test]
 fn rounds_of_lights_add_up_in_the_mean_of_samples() {
     let lights: String = (0..16).map(|x| format!("[[light]]\nposition = [{x}, 2, 1]\npower = 1\n")).collect();

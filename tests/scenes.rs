@@ -24,7 +24,7 @@ fn scene_file(text: &str) -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
-/// Returns the message of an error, and the text of the file to which the error points.
+/// Returns the message of an error, and the part of the file's text to which the error points.
 fn mistake(error: Error) -> (String, String) {
     let Error::Input(input) = error else { panic!("not the user's mistake: {error}") };
     let pointed = input

@@ -1,5 +1,5 @@
-//! The JSON schemas of scenes and configs: the stored schemas equal those of this program, every scene and
-//! config of the repository conforms to its schema, and the schemas reject the same files as raycl.
+//! The JSON schemas of scenes, configs and records: the stored schemas equal those of this program, every scene and
+//! config of the repository conforms to its schema, and the schemas reject mistakes that raycl rejects.
 
 use crate::binary::{WorkFolder, repository};
 use serde_json::{Value, json};
@@ -215,7 +215,7 @@ fn axes_and_presets_are_completed_and_numbers_may_be_numbers() {
     assert!(widths.contains(&json!(4)) && widths.contains(&json!("4")), "{widths:?}");
     let presets = config["properties"]["strategies"]["items"]["enum"].as_array().expect("presets").len();
     assert_eq!(presets, raycl::strategy::PRESETS.len());
-    // Every key must have a description.
+    // Every key at the top level of a scene or config must have a description.
     for (kind, _) in KINDS {
         for (key, value) in schema(kind)["properties"].as_object().expect("keys") {
             assert!(value["description"].is_string(), "{kind}: {key}");
@@ -243,8 +243,8 @@ fn documented(heading: &str) -> BTreeSet<String> {
     table("docs/format.md", heading).iter().flat_map(|row| names(&row[0])).collect()
 }
 
-/// The stored records were written by several versions; all of them conform to the present schema. docs/format.md lists
-/// every field of this schema.
+/// This test reads stored records that several earlier revisions of raycl wrote; all these records conform to the
+/// present schema. docs/format.md lists every field of this schema.
 #[test]
 fn records_keep_to_their_schema_and_the_page_has_every_field() {
     let schema = schema(RECORD);
@@ -293,8 +293,8 @@ const NO_FIELDS: [&str; 21] = [
     "float64",
 ];
 
-/// The code of docs/python.md only names fields that records have, or columns of the `summary.csv` that it reads.
-/// `make test-python` runs this code.
+/// All fields that the code of docs/python.md names are fields of records or, if the code reads `summary.csv`, columns
+/// of this file. `make test-python` runs this code.
 #[test]
 fn the_python_page_names_fields_that_records_have() {
     let page = read_to_string(repository("docs/python.md")).expect("the page");
@@ -307,7 +307,7 @@ fn the_python_page_names_fields_that_records_have() {
     let mut seen = BTreeSet::new();
     for (block, line) in blocks.iter().flat_map(|block| block.lines().map(move |line| (block, line))) {
         let known = if block.contains("summary.csv") { &columns } else { &fields };
-        // In this code, each text between quotes is a field or a query. Each word of a query may be a field.
+        // In this code, a text between quotes may be a field or a query. Each word of a query may be a field.
         for quoted in line.split('"').skip(1).step_by(2) {
             let words = if quoted.starts_with("select") {
                 quoted.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).collect()

@@ -50,8 +50,8 @@ fn a_missing_folder_for_temporary_files_is_named() {
     has(&fails(&WorkFolder::new(), lines), &["/nowhere/"]);
 }
 
-/// Returns lines of bash that start `.ci/setup --test` as a user on a system that lacks only Oclgrind, and whose apt
-/// knows no package of it. apt fails to install the package of another system.
+/// Returns lines of bash that start `.ci/setup --test` as a user who is not root. The system lacks only Oclgrind, and
+/// its apt knows no package of Oclgrind. An attempt to install Debian 12's package of Oclgrind fails.
 fn setup_without_oclgrind(sudo: &str) -> String {
     format!(
         r#"
@@ -77,7 +77,8 @@ fn without_root_and_a_package_of_oclgrind_no_package_is_advised() {
     assert!(!said.contains("apt-get install"), "{said}");
 }
 
-/// apt stores files of root in the temporary folder, so root removes this folder, even if apt fails.
+/// apt stores files that belong to root in the temporary folder. The script therefore removes this folder as root, even
+/// if apt fails.
 #[test]
 fn the_list_of_another_systems_packages_is_removed() {
     let folder = WorkFolder::new();

@@ -1,6 +1,6 @@
-//! Tests of sessions. A session is a scene on an open device; from a strategy, it makes a caster, which casts
-//! frames of this scene. The tests check which data the strategies of a session share, and why a strategy may
-//! be refused.
+//! Tests of sessions. A session is a scene on an open device; from a strategy, it makes a caster, which casts frames of
+//! this scene. The tests check that the frames of a session share the device's memory, why a strategy may be refused,
+//! and that a caster can change to another view of the scene.
 
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, device, scene};
@@ -68,7 +68,7 @@ fn image_of(strategy: &str, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
     sampled_image_of(strategy, Sampling { first: 2, ..Sampling::all(6) }, scenes)
 }
 
-/// Returns the image and the answer of [`image_of`], with other samples.
+/// Does the same as [`image_of`], but with the samples of `sampling`.
 fn sampled_image_of(strategy: &str, sampling: Sampling, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
     let strategy = preset(strategy).expect("it works").strategy;
     let session = Session::open(&device(), &Sources::Embedded, Arc::clone(scenes[0])).expect("it works");
@@ -124,9 +124,9 @@ fn a_caster_that_is_shown_another_view_casts_what_a_new_one_casts() {
     assert!(!change(|scene| scene.transparent = true));
 }
 
-/// The first frame of a picture replaces the image of the last picture. If the frame updated the last image with a
-/// weight of 0 instead, rounding errors of that much brighter image would remain. The 13 samples of a pixel are cast in
-/// one frame.
+/// The first frame of a picture replaces the image of the last picture. If the frame instead added its samples to the
+/// last image with a weight of 0 for that image, rounding errors of the much brighter image would remain. The 13
+/// samples of a pixel are cast in one frame.
 #[test]
 fn nothing_of_a_bright_picture_remains_in_a_dark_one() {
     apart!();

@@ -108,7 +108,7 @@ fn colours_are_the_options_then_the_environments_then_the_files() {
 }
 
 /// Every command reports a mistake in the settings file. Help, `--version`, messages about wrong arguments, and worker
-/// processes ignore it.
+/// processes ignore the mistake.
 #[test]
 fn a_mistake_in_the_file_is_reported_with_its_line_and_the_nearest_name() {
     let folder = folder_with("# mine\ndevise = \"cpu\"\n");

@@ -1,4 +1,4 @@
-//! Pixels that tiles on a CPU shade once, although they have several samples (cl/tile_cpu/shade_once.cl).
+//! Tiles on a CPU shade many pixels only once, although these pixels have several samples (cl/tile_cpu/shade_once.cl).
 
 use crate::binary::WorkFolder;
 use crate::common::due;
@@ -26,8 +26,8 @@ material = { k_l = [0.5, 0.7, 0.9], k_g = 0.4, shininess = 300 }
 shape = \"ground\"
 ";
 
-/// The picture's size is no multiple of a tile's 8 x 4 pixels. A frame has 16 rays per pixel, each for one
-/// sample; with 13 samples, some rays have no sample, and 35 samples need three frames.
+/// The picture's height is no multiple of the height of a tile, which has 8 x 4 pixels. A frame has 16 rays per pixel,
+/// each for one sample; with 13 samples, some rays have no sample, and 35 samples need three frames.
 #[test]
 fn pixels_shaded_once_agree_with_the_reference() {
     let folder = WorkFolder::with(&[("scene.toml", BALL)]);
@@ -39,7 +39,8 @@ fn pixels_shaded_once_agree_with_the_reference() {
     }
 }
 
-/// A ball that is green without its red highlight, under a red light: the radiance is that of the highlight alone.
+/// A ball whose diffuse reflection is green, and whose highlight is red, under a red light: only the highlight is
+/// visible.
 const COLOURED: &str = "[camera]
 position = [0, 1, 3]
 look_at = [0.2, 0, -3]
@@ -54,8 +55,9 @@ translation = [0, 0, -3]
 material = { k_l = [0, 10, 0], k_g = [0.4, 0, 0], shininess = 30 }
 ";
 
-/// A plane seen from behind, with a light on its other side. The highlight ends in a line. Beyond this line,
-/// the half vector (halfway between the directions to light and eye) points to the plane's other side.
+/// A plane seen from behind. The light and the plane's normals are on the side that the eye does not see. The highlight
+/// ends at a line. Beyond this line, the half vector (halfway between the directions to light and eye) points to the
+/// eye's side of the plane.
 const BEHIND: &str = "[camera]
 position = [0, 1, 3]
 look_at = [0.8, -1, 1]
@@ -71,8 +73,8 @@ face_normals = [[0, 0, 0, 0]]
 material = { k_l = 0.001, k_g = 1, shininess = 2 }
 ";
 
-/// raycl has a bound for the differences of radiance within a pixel, without the highlight. In the two scenes
-/// of this test, the highlight differs within a pixel much more than this bound says.
+/// From the surface's diffuse reflection alone, raycl would find that the radiance hardly differs within a pixel. In
+/// the two scenes of this test, however, the highlight differs much more within some pixels.
 #[test]
 fn pixels_with_the_end_of_a_highlight_or_nothing_but_a_highlight_agree_with_the_reference() {
     for scene in [COLOURED, BEHIND] {

@@ -1,6 +1,6 @@
 //! One experiment that several processes measure in parts, called shards. Whatever starts the processes and whatever
-//! happens to them, the merged results equal those of a single run. Most of these tests use `--asleep`: frames that
-//! cast nothing and take a known time.
+//! happens to them, the merged results have the same points and as many samples as those of a single run. Most of these
+//! tests use `--asleep`: frames that cast nothing and take a known time.
 
 mod pages;
 mod sweep;
@@ -110,8 +110,8 @@ fn kill(process: u32) {
     let _ = kill_process(process, Signal::KILL);
 }
 
-/// Returns every file of a folder with its bytes, except two files that differ from run to run. These two
-/// files are the report, whose script has a random name, and the file with the report's hash.
+/// Returns every file of a folder with its bytes, except two files that differ from run to run. These two files are the
+/// report, which contains a random number, and the file with the report's hash.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
     let same =
@@ -177,8 +177,8 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     has(&ground.folder.output(&["merge", "out", "--status"]), &["done", "4 attempts at 4 shards"]);
 }
 
-/// In this test, a folder has the attempts of several machines, but the plan of another experiment. Later in
-/// the test, the files of the kinds of device (`kinds/`) are also missing.
+/// In this test, the plan in the folder is changed, so that it is not the plan of the folder's two attempts. Later in
+/// the test, the files about the kinds of device (`kinds/`) are also missing.
 #[test]
 fn parts_of_another_plan_are_named_and_parts_without_their_kinds_refused() {
     let ground = Ground::new();
@@ -211,7 +211,7 @@ fn what_is_missing_is_named_with_the_command_that_measures_it() {
     has(&of_moved, &["raycl run test.toml --quiet --asleep 1 --out 'moved it' --shard 2/2"]);
     std::fs::rename(&moved, &out).expect("its name");
     let line = said.lines().find(|line| line.contains("raycl run")).expect("a command");
-    // The tests set the variable, so `output` sets it, too.
+    // `output` sets RAYCL_MOVED_SAMPLES, too, so the variable is removed from the printed command.
     let words = line.trim_start().strip_prefix("RAYCL_MOVED_SAMPLES=keep raycl ").expect("a variable");
     let words: Vec<&str> = words.split_whitespace().collect();
     ground.folder.output(&words);
@@ -219,8 +219,9 @@ fn what_is_missing_is_named_with_the_command_that_measures_it() {
     ground.is_whole();
 }
 
-/// A user runs `raycl merge` in another current folder than the attempts had, and without the variables that
-/// selected the attempts' device and their samples.
+/// A user runs `raycl merge`, and then the command that `raycl merge` prints, in another current folder than the
+/// attempts had. The command runs without the environment variables of the attempts (RAYCL_DEVICE and
+/// RAYCL_MOVED_SAMPLES).
 #[test]
 fn the_command_for_what_is_missing_can_be_run_in_another_folder_with_the_same_device() {
     let ground = Ground::new();
@@ -403,8 +404,8 @@ fn a_lost_launcher_ends_the_attempt_and_its_worker() {
     lose_launcher("slurmstepd", "1/1");
 }
 
-/// The launcher may be any program that is not a shell. A shell counts as a launcher only with `--shard auto/N`, which
-/// takes the shard's number from a variable that the launcher sets.
+/// The launcher may be any program that is not a shell. A shell counts as a launcher only with `--shard auto` or
+/// `--shard auto/N`, which both take the shard's number from a variable that the launcher sets.
 #[test]
 #[cfg(target_os = "linux")]
 fn an_unknown_launcher_that_is_lost_ends_the_attempt_too() {

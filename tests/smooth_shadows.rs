@@ -45,7 +45,7 @@ fn smooth_shadows_of_a_ball_and_a_sky_agree_with_the_reference() {
     }
 }
 
-/// Without soft light and smooth shadows, the strategy `tile` shades most pixels once instead of once per
+/// If there is neither soft light nor smooth shadows, the strategy `tile` shades most pixels once instead of once per
 /// sample. With smooth shadows, `tile` shades every sample.
 #[test]
 fn smooth_shadows_of_sixteen_samples_agree_with_the_reference() {

@@ -4,7 +4,7 @@ use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::{due, is_long};
 use image::RgbImage;
 
-/// A square over the ground, and a light above it.
+/// A square over the ground, a light with a radius above the square, and a point light.
 const SQUARE: &str = "[camera]
 position = [0, 1.2, 1.5]
 look_at = [0, -0.7, -3]
@@ -53,7 +53,7 @@ fn picture(folder: &WorkFolder, options: &[&str]) -> RgbImage {
 /// common origin, with and without a tree, in fused and in separate passes.
 const FAMILIES: [&str; 5] = ["tile", "bvh", "naive", "wide-common-origin", "tile,passes=separate"];
 
-/// In the changed kernel, something stops every ray to the sky that is cast alone. A ray from flat ground meets no box
+/// The changed kernel treats every ray to the sky that it casts alone as blocked. A ray from flat ground meets no box
 /// of the tree, so it is not cast.
 #[test]
 fn rays_to_the_sky_that_meet_no_box_are_not_cast() {
@@ -225,28 +225,30 @@ fn far_from_the_origin_a_surface_does_not_hide_the_sky_from_itself() {
     }
 }
 
-/// Among the tests of soft light, only this one compares pictures of strategies whose work-items share tiles
-/// with the reference: PoCL takes long to compile the kernels of such tiles. The tests of changed kernels
-/// below expect a wrong picture, so they do not notice a kernel that is wrong even without the change.
+/// Some strategies have tiles that work-items share. Only this test of this file compares pictures by the unchanged
+/// kernels of such strategies with the reference: PoCL takes long to compile the kernels of such tiles. The tests of
+/// changed kernels below expect a wrong picture, so they do not notice a kernel that is wrong even without the change.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
     let folder = where_shadow_rays_end();
     let (device, cache) = (device(), folder.path("cache"));
     let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device, "--force"];
     let ends = ["-o", "a.png", "--strategy", "tile-group", "--samples", "2", "--verify"];
-    // All pictures use the first picture's program. If the sky's `reach` (the distance within which surfaces
-    // block it) is less than the shadow bias, nothing occludes the sky.
+    // Both pictures use the first picture's program. If the sky's `reach` (the distance within which surfaces block it)
+    // is less than the shadow bias, nothing occludes the sky.
     for reach in ["sky.reach=1.2", "sky.reach=0.3"] {
         let mut command = folder.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
         command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
     }
-    // PoCL takes half a minute to compile the changed kernel, whose rays do not end before the light or the reach.
+    // In the changed kernel, rays run past the light, or farther than the sky's reach. PoCL takes half a minute to
+    // compile this kernel.
     if is_long() {
         let farther = ("tile_gpu/soft.cl", "sight.distance - bias, stack);", "sight.distance, stack);");
         folder.notices(farther, "tile-group", &["--samples", "2", "--verify"]);
     }
-    // The sky comes after the lights of the second round of lights (the lights that a frame processes
-    // together). In each round, the lights are numbered from the round's first light.
+    // Lights are processed in rounds (a round is the lights that a frame processes together). The sky belongs to the
+    // second round, and comes after the lights of this round. In each round, the lights are numbered from the round's
+    // first light.
     let lights: String =
         (0..16).map(|x| format!("[[light]]\nposition = [{x}, 3, -2]\npower = 3\n")).collect();
     folder.write("scene.toml", &format!("{lights}{SQUARE}[sky]\nzenith = 0.05\nhorizon = 0.02\n"));
@@ -325,8 +327,7 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     }
 }
 
-/// A floor between three walls. Of the rays to the sky that a tile casts together, walls stop some, and others
-/// reach the sky.
+/// A floor between three walls. Walls stop some of a tile's rays to the sky; the tile's other rays reach the sky.
 const HALF_OPEN: &str = "[camera]
 position = [0, 1.5, 4]
 look_at = [0, 0.5, 0]

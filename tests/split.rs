@@ -99,8 +99,8 @@ fn two_devices_cast_the_samples_of_one() {
     assert!(!same_pixels(&folder, "one.exr", "single.exr"));
 }
 
-/// It depends on the machine whether two devices that share two cores are faster than one device. Whether
-/// they are faster or slower, the message about a device that is left out must be true.
+/// It depends on the machine whether two devices that share a CPU are faster than one device. Whether they are faster
+/// or slower, the message about a device that is left out must be true.
 #[test]
 fn a_device_that_slows_the_frame_is_left_out_and_each_has_its_own_strategy() {
     apart!();

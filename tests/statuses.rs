@@ -50,8 +50,8 @@ fn a_status_that_the_crate_ocl_does_not_know_is_an_error_like_others() {
     has(&refused("int clFinish() { return -1108; }"), &[UNKNOWN, "the OpenCL driver failed, on "]);
 }
 
-/// The example `cast` uses the library. The `main` of `cast` returns the error, so the error's message is
-/// broken into several lines.
+/// The example `cast` is a program that uses raycl as a library. The `main` of `cast` returns the error, so the error's
+/// message is broken into several lines.
 #[test]
 fn a_program_that_uses_the_library_gets_a_failure_of_the_driver_as_an_error() {
     let folder = one_point();

@@ -5,7 +5,8 @@ use crate::binary::{WorkFolder, apart, device, has};
 use crate::common::due;
 use image::{ImageFormat, Rgb, RgbImage};
 
-/// Two quads of one material: a wall that shows the picture once, and a floor that shows it nine times, rotated.
+/// Two quads, each with its own material: a wall that shows the picture once, and a floor on which the picture repeats,
+/// rotated and skewed.
 const ROOM: &str = "mtllib room.mtl
 v -1 -1 -3
 v 1 -1 -3

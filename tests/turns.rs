@@ -49,8 +49,8 @@ impl Worker for Noting {
             }
             Request::Cast { .. } => {
                 self.log.lock().expect("no test panicked").push(self.run);
-                // Yields the processor to the other one of the two runs. If nothing prevents the other run
-                // from casting now, the other run casts.
+                // Yields the processor to the other one of the two runs. If nothing prevents the other run from casting
+                // now, the other run may cast.
                 std::thread::yield_now();
                 Reply::Sample(FrameTimes::whole(1.0, 1.0))
             }

@@ -444,7 +444,8 @@ impl Tmux {
         self.picture_of([80, 46])
     }
 
-    /// Returns the picture if it has this size, which must fill the terminal except for the last line.
+    /// Returns the picture if it has this size. A picture of this size fills all lines of the terminal except the last
+    /// one.
     fn picture_of(&self, [width, height]: [u32; 2]) -> Option<RgbImage> {
         let mut picture = RgbImage::new(width, height);
         let mut colours = [image::Rgb([0; 3]); 2];

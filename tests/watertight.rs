@@ -1,6 +1,7 @@
 //! Rays aimed at edges and vertices: single rays at closed meshes, and frames in which every primary or shadow ray
 //! meets a net, which is a grid of triangles. No ray leaks with the watertight test under any traversal, nor with the
-//! rasteriser. The leaks of the other ray-triangle tests are counted, to show that the rays do meet edges.
+//! rasteriser. The leaks of the other ray-triangle tests are counted. Many rays leak with the student paper's test,
+//! which shows that the rays do meet edges.
 
 use crate::binary::WorkFolder;
 use crate::common::apart::apart;
@@ -26,7 +27,7 @@ const PIXELS: usize = (SIDE * SIDE) as usize;
 /// The side in pixels of the small square images of some tests, which have 6,724 pixels.
 const SMALL_SIDE: u32 = 82;
 /// The number of rays that may leak in small images. On a device that rounds unlike PoCL, about one ray in ten thousand
-/// leaks.
+/// may leak.
 const FEW: usize = 4;
 const LOCAL_SIZE: [u32; 2] = [8, 2];
 
@@ -123,8 +124,8 @@ fn lit(image: &Radiance) -> usize {
     image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count()
 }
 
-/// Scenes with nets (grids of triangles whose vertices and edges rays meet), on the device. Several
-/// strategies cast the same nets, since the trees of the nets take long to build.
+/// Scenes with nets (grids of triangles whose vertices and edges rays meet), on the device. Several strategies use the
+/// same nets, since the trees of the nets take long to build.
 struct Nets {
     /// The number of pixels, and so of rays, of a frame.
     pixels: usize,
@@ -149,7 +150,8 @@ impl Nets {
         }
     }
 
-    /// Returns the number of primary rays that pass through the crumpled net or the flat net, of `pixels` rays each.
+    /// Returns how many primary rays pass through the crumpled net or the flat net. `pixels` rays are aimed at each
+    /// net.
     fn leaks_to(&self, strategy: &Strategy) -> usize {
         self.before_the_eye.iter().map(|net| self.pixels - lit_and_hit(net, strategy).1).sum()
     }
@@ -185,12 +187,11 @@ pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 4] {
     ]
 }
 
-/// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. Each of
-/// these rays passes an edge of a triangle at a distance of 7e-7 of the ray's length, which is a few rounding
-/// errors. For the Möller-Trumbore test, which allows each triangle its own rounding error, the rays pass the
-/// edges at ten times this distance. Tiles and the test `pixel-linear` cast only rays of a camera, but the
-/// rays of this function do not come from a camera. For strategies with tiles or with `pixel-linear`, this
-/// function returns 0.
+/// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. Each of these rays
+/// passes an edge of a triangle at a distance of 7e-7 times the edge's distance from the ray's origin, which is a few
+/// rounding errors. For the Möller-Trumbore test, which allows each triangle its own rounding error, the rays pass the
+/// edges at ten times this distance. Tiles and the test `pixel-linear` work only with the rays of a frame, but the rays
+/// of this function belong to no frame. For strategies with tiles or with `pixel-linear`, this function returns 0.
 fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     let for_cameras =
         strategy.traversal == Traversal::Tile || strategy.intersector == Intersector::PIXEL_LINEAR;
@@ -269,8 +270,8 @@ fn soft_light_leaks_hardly_any_ray() {
     assert!(leaks > 1000, "{leaks} rays");
 }
 
-/// In neighbouring triangles, the rasteriser's edge functions have exactly opposite values, like the edge
-/// functions of the watertight test. A pixel on an edge belongs to both triangles.
+/// Two triangles that share an edge have exactly opposite values of the rasteriser's edge function for this edge. The
+/// same is true of the watertight test. A pixel on an edge belongs to both triangles.
 #[test]
 fn the_rasteriser_leaks_none_of_sixty_thousand_pixels() {
     apart!();
@@ -317,12 +318,12 @@ fn hardly_any_ray_hits_a_sliver_beyond_its_end() {
     }
 }
 
-/// Except for the watertight test, no ray-triangle test guarantees that no ray leaks. With all other
-/// ray-triangle tests, neighbouring triangles overlap by a rounding error, or share the planes of their edges
-/// and overlap by less. With PoCL, the overlaps of neighbouring triangles were wide enough: no ray leaked. On
-/// a device that rounds differently, one ray in ten thousand may leak. The command
+/// Except for the watertight test, no ray-triangle test guarantees that no ray leaks. With the ray-triangle tests that
+/// this function lists, neighbouring triangles overlap by a rounding error, or share the planes of their edges and
+/// overlap by less. With PoCL, the overlaps of neighbouring triangles were wide enough: no ray leaked. On a device that
+/// rounds differently, one ray in ten thousand may leak. The command
 /// `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture`
-/// prints the numbers of the table in docs/reliability.md.
+/// prints the numbers for these ray-triangle tests in the table of docs/reliability.md.
 #[test]
 fn the_other_tests_leaks_are_counted() {
     apart!();

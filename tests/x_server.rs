@@ -1,6 +1,6 @@
-//! Starts an X server without a screen (Xvfb), reads the picture that it would show, and simulates a user's
-//! input. The input is sent directly in the X11 protocol. This file sends numbers in little-endian order, and
-//! states lengths in words of four bytes, as the protocol requires.
+//! Starts an X server without a screen (Xvfb), reads the picture that it would show, and simulates a user's input. The
+//! input is sent directly in the X11 protocol. This file sends numbers in little-endian order, as its first message to
+//! the server announces. Lengths are in words of four bytes, as the protocol requires.
 
 use crate::binary::until;
 use image::RgbImage;

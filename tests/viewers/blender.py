@@ -39,7 +39,7 @@ def main():
             thing.matrix_world = Matrix.Scale(scale, 4) @ Matrix.Translation((low + high) / -2) @ thing.matrix_world
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = size
-    # The function wants the coordinates of all points in one list.
+    # `camera_fit_coords` wants the coordinates of all points in one list.
     coordinates = [coordinate for corner in corners_of(objects) for coordinate in corner]
     scene.camera.location, _ = scene.camera.camera_fit_coords(bpy.context.evaluated_depsgraph_get(), coordinates)
     scene.render.engine = "CYCLES"
