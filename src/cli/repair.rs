@@ -39,9 +39,8 @@ pub struct Args {
 /// are repaired too, except those of attempts that may be running. A running attempt increases a counter once
 /// per second. If some attempts have not reported their end, the repair reads the counters of all attempts
 /// twice, five seconds apart. If an attempt has a counter that has not increased, and has not reported its end, the
-/// attempt was lost, so its journals are repaired. If a mistake of the user, such as a link in the place of a file,
-/// prevents the repair of an attempt, the other attempts are repaired, and the command then ends with an error. If a
-/// file cannot be written, the command prints what it has repaired, and ends with an error.
+/// attempt was lost, so its journals are repaired. If a link in the place of a file, or a file that cannot be read or
+/// written, prevents a repair, the other journals are repaired, and the command then ends with an error.
 pub fn run(args: Args) -> Result<()> {
     let findings = Findings::of(&args.folder, BETWEEN)?;
     findings.print(args.json)?;
@@ -67,11 +66,11 @@ struct Findings {
     /// The errors about unreadable files other than journals (for example plan.json), and about files that prevent the
     /// repair of an attempt.
     unreadable: Vec<Error>,
-    /// Number of attempts that could not be repaired because of a mistake of the user.
+    /// Number of attempts that could not be repaired because of mistakes of the user.
     refused: usize,
     /// The folders of attempts that may still be running, whose journals were therefore not repaired.
     running: Vec<PathBuf>,
-    /// The error that ended the repair; `None` if the repair is complete. What was found before stays in the report.
+    /// The first error that is no refusal of an attempt; `None` if there is none. Later errors are in `unreadable`.
     failure: Option<Error>,
 }
 
@@ -89,20 +88,31 @@ impl Findings {
         }
         let _lock = lock_of(folder)?;
         let mut findings = Self::default();
-        let repaired = findings.repair_all(folder, has_shards.then_some(between));
-        findings.failure = repaired.err().map(|error| error.without_out(FULL, CLOSED));
+        findings.repair_all(folder, has_shards.then_some(between));
         Ok(findings)
     }
 
     /// Repairs the journals in `folder` and, if `between` is given, those of the attempts.
-    fn repair_all(&mut self, folder: &Path, between: Option<Duration>) -> Result<()> {
-        repair(folder, &mut self.repaired)?;
-        self.unreadable = unreadable(folder);
-        let Some(between) = between else { return Ok(()) };
+    fn repair_all(&mut self, folder: &Path, between: Option<Duration>) {
+        let repaired = repair(folder, &mut self.repaired);
+        self.keep(repaired);
+        self.unreadable.extend(unreadable(folder));
+        if let Some(between) = between {
+            let repaired = self.repair_attempts(folder, between);
+            self.keep(repaired);
+        }
+    }
+
+    fn repair_attempts(&mut self, folder: &Path, between: Duration) -> Result<()> {
         let stopped = stopped(folder, between)?;
         for attempt in Attempt::all(folder)? {
-            let repaired = self.repair(attempt.folder, stopped.contains(&attempt.name));
-            self.keep_refusal(repaired)?;
+            match self.repair(attempt.folder, stopped.contains(&attempt.name)) {
+                Err(error @ Error::Input(_)) => {
+                    self.refused += 1;
+                    self.unreadable.push(error);
+                }
+                other => self.keep(other),
+            }
         }
         Ok(())
     }
@@ -126,16 +136,12 @@ impl Findings {
         Ok(())
     }
 
-    /// Stores the error in `unreadable` if a mistake of the user prevented the repair of an attempt, so that the other
-    /// attempts are still repaired. Returns any other error.
-    fn keep_refusal(&mut self, repaired: Result<()>) -> Result<()> {
-        match repaired {
-            Err(error @ Error::Input(_)) => {
-                self.refused += 1;
-                self.unreadable.push(error);
-                Ok(())
-            }
-            other => other,
+    /// Stores the error of a repair, so that the other journals are still repaired.
+    fn keep(&mut self, repaired: Result<()>) {
+        let Err(error) = repaired.map_err(|error| error.without_out(FULL, CLOSED)) else { return };
+        match self.failure {
+            None => self.failure = Some(error),
+            Some(_) => self.unreadable.push(error),
         }
     }
 
@@ -148,7 +154,7 @@ impl Findings {
         }
     }
 
-    /// Returns the error that ended the repair, or an error if the user's mistakes prevented the repair of attempts.
+    /// Returns the first error of the repair, or an error if the user's mistakes prevented the repair of attempts.
     fn end(self) -> Result<()> {
         if let Some(failure) = self.failure {
             return Err(failure);
@@ -358,22 +364,32 @@ mod tests {
     }
 
     #[test]
-    fn what_was_repaired_before_a_failure_is_reported_with_it() {
+    fn what_was_repaired_before_and_after_a_failure_is_reported_with_it() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path();
         std::fs::write(out.join("shards.json"), serde_json::to_string(&ShardPlan::default()).unwrap())
             .unwrap();
-        let attempt = Attempt::begin(out, &About { shard: 1, of: 1, ..About::default() }).unwrap();
-        attempt.ended(&End::Interrupted).unwrap();
-        std::fs::write(out.join(RECORDS), "rubbish\n").unwrap();
+        let attempts = [1, 2, 3].map(|shard| {
+            let attempt = Attempt::begin(out, &About { shard, of: 3, ..About::default() }).unwrap();
+            attempt.ended(&End::Interrupted).unwrap();
+            attempt.folder
+        });
+        let last = attempts[2].join(RECORDS);
+        for journal in [&out.join(RECORDS), &last] {
+            std::fs::write(journal, "rubbish\n").unwrap();
+        }
         // raycl cannot open a lock whose file is a folder.
-        std::fs::create_dir(attempt.folder.join(".lock")).unwrap();
+        attempts[..2].iter().for_each(|attempt| std::fs::create_dir(attempt.join(".lock")).unwrap());
         let text_of = |findings: Findings| (findings.text(), findings.end().unwrap_err());
         let (text, error) = text_of(Findings::of(out, Duration::ZERO).unwrap());
         let journal = out.join(RECORDS).display().to_string();
         assert!(text.starts_with(&format!("{journal}: removed damaged lines: 1")), "{text}");
+        assert!(text.contains(&format!("{}: removed damaged lines: 1", last.display())), "{text}");
+        let second = attempts[1].join(".lock").display().to_string();
+        assert!(text.lines().any(|line| line.starts_with(&format!("cannot write {second}"))), "{text}");
         assert!(error.exit_code() == 1 && error.to_string().starts_with("cannot write "), "{error}");
         assert_eq!(error.remedy(), FULL);
+        std::fs::remove_dir(attempts[1].join(".lock")).unwrap();
         let (text, _) = text_of(Findings::of(out, Duration::ZERO).unwrap());
         assert_eq!(text, "", "a failed repair must not print \"no line is damaged\"");
     }

@@ -21,9 +21,9 @@ pub struct Repaired {
     pub kept: usize,
 }
 
-/// Repairs a folder's journals. Adds one `Repaired` to `repaired` for each journal that was damaged; if a file cannot
-/// be written, `repaired` has the journals that were repaired before. If a journal cannot be read, no journal is
-/// changed. The caller must hold the folder's lock, by which only one process at a time writes to the folder.
+/// Repairs a folder's journals. Adds one `Repaired` to `repaired` for each journal that was damaged. If a file cannot
+/// be written, the other journals are still repaired, and the returned error is that of the first such file. If a
+/// journal cannot be read, no journal is changed. The caller must hold the folder's lock, by which only one process at a time writes to the folder.
 pub fn repair(folder: &Path, repaired: &mut Vec<Repaired>) -> Result<()> {
     let damaged = [
         damaged(&folder.join(RECORDS), is_a::<Record>)?,
@@ -36,12 +36,15 @@ pub fn repair(folder: &Path, repaired: &mut Vec<Repaired>) -> Result<()> {
     repair_each(damaged.into_iter().flatten(), repaired)
 }
 
-/// Repairs journals until a file cannot be written, and adds each repaired journal to `repaired`.
+/// Repairs journals, and adds each repaired journal to `repaired`. Returns the error of the first journal that cannot
+/// be written.
 fn repair_each(all: impl Iterator<Item = Damaged>, repaired: &mut Vec<Repaired>) -> Result<()> {
+    let mut outcome = Ok(());
     for damaged in all {
-        repaired.push(damaged.repair()?);
+        let one = damaged.repair().map(|one| repaired.push(one));
+        outcome = outcome.and(one);
     }
-    Ok(())
+    outcome
 }
 
 /// A journal with damaged lines, before its repair.
@@ -242,10 +245,11 @@ mod tests {
 
     /// The second journal's folder is missing, so that no copy can be written.
     #[test]
-    fn the_journals_that_were_repaired_before_a_failed_write_are_reported() {
+    fn the_journals_before_and_after_a_failed_write_are_repaired() {
         let folder = tempfile::tempdir().unwrap();
-        let [first, second] = ["records.jsonl", "missing/samples.jsonl"].map(|name| folder.path().join(name));
-        std::fs::write(&first, "nonsense\n").unwrap();
+        let names = ["records.jsonl", "missing/samples.jsonl", "rounds.jsonl"];
+        let [first, second, third] = names.map(|name| folder.path().join(name));
+        [&first, &third].iter().for_each(|path| std::fs::write(path, "nonsense\n").unwrap());
         let damaged = |path: &PathBuf| Damaged {
             path: path.clone(),
             bytes: b"nonsense\n".to_vec(),
@@ -254,11 +258,12 @@ mod tests {
             kept: 0,
         };
         let mut repaired = Vec::new();
-        let error = repair_each([damaged(&first), damaged(&second)].into_iter(), &mut repaired).unwrap_err();
+        let all = [&first, &second, &third].map(damaged).into_iter();
+        let error = repair_each(all, &mut repaired).unwrap_err();
         let copy = folder.path().join("missing/samples.jsonl.damaged-1");
         assert!(error.to_string().starts_with(&format!("cannot write {}: ", copy.display())), "{error}");
-        assert_eq!(repaired.iter().map(|one| &one.file).collect::<Vec<_>>(), [&first]);
-        assert_eq!(std::fs::read_to_string(&first).unwrap(), "");
+        assert_eq!(repaired.iter().map(|one| &one.file).collect::<Vec<_>>(), [&first, &third]);
+        assert_eq!([&first, &third].map(|path| std::fs::read_to_string(path).unwrap()), ["", ""]);
     }
 
     #[cfg(unix)]
