@@ -1,8 +1,10 @@
 //! Errors that end a command: mistakes of the user, failures of the run, and interruptions.
 
+mod link;
 mod nearest;
 mod quoted;
 
+pub use link::missing_target;
 pub use nearest::{meant, nearest, nearest_file, nearest_file_among, nearest_folder, or_meant};
 use quoted::{SHOWN_LINE_BYTES, boundary, cut_long_lines, printable};
 pub use quoted::{line_of, shortened, shortened_note};
@@ -327,6 +329,14 @@ impl Error {
         otherwise: &str,
     ) -> Self {
         let is_missing = error.kind() == std::io::ErrorKind::NotFound && path.as_os_str() != STANDARD_INPUT;
+        if let Some(target) = missing_target(path).filter(|_| is_missing) {
+            let message = format!(
+                "the {what} `{}` is a link to `{}`, which is missing",
+                path.display(),
+                target.display()
+            );
+            return Self::input(message).with_help("restore the link's target, or give another path");
+        }
         let meant = is_missing.then(|| nearest(path)).flatten();
         let remedy = match meant {
             Some(meant) => format!("did you mean `{}`?", meant.display()),
@@ -413,6 +423,18 @@ mod tests {
         // The name `-` stands for standard input, which is never a missing file. If `-` counted as a missing
         // file, raycl would suggest a file with a short name that contains `-`, such as `a-`.
         assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_without_a_target_is_not_called_missing_itself() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("link.obj");
+        std::os::unix::fs::symlink("gone.obj", &link).unwrap();
+        let error = Error::unreadable("mesh", &link, &std::fs::read(&link).unwrap_err(), "other");
+        let expected = format!("the mesh `{}` is a link to `gone.obj`, which is missing", link.display());
+        assert_eq!((error.to_string(), error.exit_code()), (expected, 2));
+        assert!(error.remedy().starts_with("restore the link's target"), "{}", error.remedy());
     }
 
     #[test]

@@ -116,6 +116,15 @@ impl Document {
         self.overrides.iter().any(|over| over.start <= span.start)
     }
 
+    /// Returns the span of the last override that sets the whole value of one of `keys`; the file's start if there is no
+    /// such override.
+    pub fn override_of(&self, keys: &[&str]) -> Range<usize> {
+        let sets =
+            |over: &&Override| over.line.split('=').next().is_some_and(|key| keys.contains(&key.trim()));
+        let span = |over: &Override| over.start..over.start + over.line.trim_end().len();
+        self.overrides.iter().rfind(sets).map_or(0..0, span)
+    }
+
     /// Returns the file or the override that contains `span`: its name, its text, and the byte at which its
     /// range of bytes begins.
     fn part(&self, span: &Range<usize>) -> (&str, &str, usize) {

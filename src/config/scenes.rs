@@ -31,7 +31,8 @@ pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<V
         all.extend(product(document, entry, folder)?);
     }
     if all.is_empty() {
-        let error = document.error(0..0, "there is no scene", "expected scenes = [...] or [[scene]]");
+        let place = document.override_of(&["scenes", "scene"]);
+        let error = document.error(place, "there is no scene", "expected scenes = [...] or [[scene]]");
         return Err(error.with_help("add scenes = [\"FILE\"]; paths are relative to the config file"));
     }
     let mut unique: Vec<SceneChoice> = Vec::new();

@@ -495,6 +495,10 @@ fn a_scene_entry_is_checked_at_its_position() {
     refused("file = \"../scenes/gourd.toml\"\nset = { seed = [] }", &["'seed' is empty", "9:9"]);
     refused("file = \"../scenes/gourd.toml\"\ntriangles = 4", &["unknown key 'triangles'", "9:1"]);
     refuses(&GOOD.replace("scenes = ", "# "), &["there is no scene", "scenes = [...] or [[scene]]"]);
+    for (key, message) in [("scenes", "there is no scene"), ("strategies", "there is nothing to measure")] {
+        let report = refusal(GOOD, &[("timing.seed", "3"), (key, "[]")]);
+        assert!(report.contains(message) && report.contains("--set:1:1"), "{report}");
+    }
 }
 
 #[test]

@@ -28,7 +28,8 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
     let strategies = strategies::expand(document, &wire, &local_sizes)?;
     let baselines = baselines(document, &wire.baselines)?;
     if strategies.is_empty() && baselines.is_empty() {
-        let error = document.error(0..0, "there is nothing to measure", "no strategy and no baseline");
+        let place = document.override_of(&["strategies", "strategy", "baselines"]);
+        let error = document.error(place, "there is nothing to measure", "no strategy and no baseline");
         return Err(error.with_help("add strategies = [\"naive\"]; `raycl strategies` lists the presets"));
     }
     // A scene that is too large for a tree is refused only if nothing else can be measured: if it is the only scene,

@@ -15,6 +15,7 @@ use super::enclosed::encloses;
 use super::files::{FileLight, MeshFile};
 use super::frame_cache::FrameCache;
 use super::framing::Ball;
+use super::setting::error_in;
 use super::studio::Studio;
 use super::validate::{Brightness, check_positions};
 use super::wire::{BackgroundWire, SceneWire};
@@ -247,8 +248,13 @@ fn join(
     let mut known = HashSet::new();
     notes.retain(|note| known.insert(note.clone()));
     if mesh.triangles.is_empty() {
+        let message = "the scene has no triangles";
         return Err(document
-            .error(0..0, "the scene has no triangles", "no [[object]] in this file")
+            .setting_of("object")
+            .map_or_else(
+                || document.error(0..0, message, "no [[object]] in this file"),
+                |setting| error_in(&setting, message),
+            )
             .with_help("add [[object]] with mesh = \"FILE\", shape = \"NAME\", or vertices and faces"));
     }
     mesh.darken_unused_materials();

@@ -178,6 +178,12 @@ impl Document {
         !self.bare || !matches!(self.origin(span), Origin::File(_))
     }
 
+    /// Returns the origin of the last setting that set the whole value of `key`; `None` if there is none.
+    pub fn setting_of(&self, key: &str) -> Option<String> {
+        let settings = &self.changed.as_ref()?.settings;
+        settings.iter().rfind(|setting| setting.path == key).map(|setting| shortened(&*setting.origin))
+    }
+
     /// Returns `FILE:LINE` of the file's last line.
     pub fn last_line(&self) -> String {
         format!("{}:{}", self.name, self.original().lines().count())

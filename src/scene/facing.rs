@@ -2,7 +2,7 @@
 //! surfaces dark, since only the front of a surface is lit.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
-use super::{Camera, Scene};
+use super::{Camera, Scene, Shot};
 use crate::reference::cutouts::is_solid;
 use crate::reference::intersect::Hit;
 use glam::{DVec3, Vec3};
@@ -30,21 +30,22 @@ const INSIDE: &str = "the eye is inside the bounding box of an object; `--azimut
 
 /// Returns a note if most of the visible surface faces away, in images whose width divided by their height is
 /// `aspect`. `starts` contains the index of the first triangle of each object. Only the first `own` triangles
-/// count: all later triangles are a ground that raycl added. `is_turned` is true for a scene on a turntable
-/// with `two_sided`. In such a scene, raycl has already decided whether to reverse all normals or none.
-/// `eye_is_set` is true if the scene file or a setting sets the eye's position.
+/// count: all later triangles are a ground that raycl added. `two_sided` is true if raycl reverses normals. In a scene
+/// on a turntable (`turns`), raycl has then already decided whether to reverse all normals or none. `eye_is_set` is
+/// true if the scene file or a setting sets the eye's position.
 pub(super) fn note(
     scene: &Scene,
     (starts, own): (&[u32], usize),
-    aspect: f64,
-    is_turned: bool,
+    Shot { aspect, turns, .. }: Shot,
+    two_sided: bool,
     eye_is_set: bool,
 ) -> Option<String> {
     let part = averted_part_of(&scene.mesh, own, &scene.camera, aspect)?;
     let ground = if own < scene.mesh.triangles.len() { " (without the ground)" } else { "" };
-    let remedy = match is_turned {
-        true => "in a scene that is seen from all sides, raycl reverses either all normals or none",
-        false => "--two-sided (two_sided = true) reverses the normals of this part",
+    let remedy = match (two_sided, turns) {
+        (true, _) => "in a scene that is seen from all sides, raycl reverses either all normals or none",
+        (false, true) => "with --two-sided (two_sided = true), raycl reverses either all normals or none",
+        (false, false) => "--two-sided (two_sided = true) reverses the normals of this part",
     };
     (part > MOST).then(|| {
         let is_lost = !eye_is_set && is_inside(&scene.mesh, starts, scene.camera.position);

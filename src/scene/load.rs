@@ -137,7 +137,7 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
     scene.validate()?;
     // On a turntable, surfaces may face away even with `two_sided`, because raycl reverses either all normals
     // of the scene or none.
-    let averted = || facing::note(&scene, (&starts, own_triangles), shot.aspect, turned, eye_is_set);
+    let averted = || facing::note(&scene, (&starts, own_triangles), shot, turned, eye_is_set);
     notes.extend((!turned || shot.turns).then(averted).flatten());
     Ok(Loaded {
         scene,

@@ -41,11 +41,14 @@ pub(super) fn lights(
         (lights, _) => lights.iter().flatten().map(light).collect(),
     };
     if lights.is_empty() && wire.sky.is_none() {
-        notes.push(format!(
-            "{}: no light, so surfaces that emit no light are black; add [[light]] with position = [1, 3, 1] and \
-             power = 10",
-            document.last_line()
-        ));
+        let black = "no light, so surfaces that emit no light are black";
+        notes.push(match document.setting_of("light") {
+            Some(setting) => format!("{setting}: {black}"),
+            None => format!(
+                "{}: {black}; add [[light]] with position = [1, 3, 1] and power = 10",
+                document.last_line()
+            ),
+        });
     }
     lights
 }

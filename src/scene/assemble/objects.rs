@@ -1,7 +1,7 @@
 //! Makes the mesh of one `[[object]]` from a mesh file, a generated shape or inline triangles. Then
 //! transforms the mesh and sets its materials.
 
-use crate::error::{Error, Result, nearest_file_among, or_meant};
+use crate::error::{Error, Result, missing_target, nearest_file_among, or_meant};
 use crate::filetype::{MeshFormat, Opened, Wanted};
 use crate::memory::Available;
 use crate::reader::lies_in;
@@ -227,7 +227,12 @@ fn no_mesh(document: &Document, file: &Spanned<String>, path: &Path) -> Error {
         (_, true) => {
             (format!("`{name}` is a pipe or a device; expected a mesh file"), "not an ordinary file")
         }
-        (_, false) => (format!("no mesh file `{name}`"), "not found"),
+        (_, false) => match missing_target(path) {
+            Some(target) => {
+                (format!("`{name}` is a link to `{}`, which is missing", target.display()), "a broken link")
+            }
+            None => (format!("no mesh file `{name}`"), "not found"),
+        },
     };
     let is_mesh = |path: &Path| MeshFormat::from_ending(path).is_some();
     let meant = nearest_file_among(path, is_mesh).filter(|_| !path.exists());

@@ -68,6 +68,11 @@ fn a_surface_that_turns_is_noted_if_it_faces_away_at_first() {
     let says =
         |turns| notes(turns).iter().any(|note| note.ends_with("raycl reverses either all normals or none"));
     assert!(says(true) && !says(false), "{:?}", notes(true));
+    // Without `two_sided`, the advice depends on whether the scene turns.
+    std::fs::write(&path, text.replace("two_sided = true\n", "")).unwrap();
+    let advises = |turns, words: &str| notes(turns).iter().any(|note| note.ends_with(words));
+    assert!(advises(true, "with --two-sided (two_sided = true), raycl reverses either all normals or none"));
+    assert!(advises(false, "--two-sided (two_sided = true) reverses the normals of this part"));
 }
 
 #[test]
@@ -322,6 +327,19 @@ fn a_scene_without_any_light_is_noted() {
     let notes = load_scene_with(&path, &settings).unwrap().notes;
     let expected = format!("{}:3: no light, so surfaces that emit no light are black", path.display());
     assert!(notes.iter().any(|note| note.starts_with(&expected)), "{notes:?}");
+    // A bare mesh has no line to which a light could be added.
+    let mesh = folder.path().join("a.obj");
+    std::fs::write(&mesh, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let none = |key: &str| Setting {
+        path: key.to_owned(),
+        value: Value::Array(Vec::new()),
+        origin: format!("--set {key}=[]"),
+    };
+    let notes = load_scene_for(&mesh, &[none("light")], Shot::SQUARE).unwrap().notes;
+    let expected = "--set light=[]: no light, so surfaces that emit no light are black";
+    assert!(notes.iter().any(|note| note == expected), "{notes:?}");
+    let error = load_scene_for(&path, &[none("object")], Shot::SQUARE).unwrap_err();
+    assert_eq!(error.to_string(), "--set object=[]: the scene has no triangles");
 }
 
 #[test]
@@ -1193,6 +1211,10 @@ fn a_scenes_mesh_that_is_missing_or_none_is_reported_with_its_line() {
     }
     #[cfg(unix)]
     assert!(error("/dev/zero").to_string().starts_with("`/dev/zero` is a pipe or a device; expected a mesh"));
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("gone.obj", folder.path().join("link.obj")).unwrap();
+    #[cfg(unix)]
+    assert!(error("link.obj").to_string().ends_with("link.obj` is a link to `gone.obj`, which is missing"));
 }
 
 #[test]
