@@ -28,6 +28,11 @@ impl<T: Copy + PartialEq> Choices<T> {
         self.all[self.taken]
     }
 
+    /// Returns the chosen value unless it is the list's first value.
+    pub fn taken_after_first(&self) -> Option<T> {
+        (self.taken > 0).then(|| self.taken())
+    }
+
     /// Returns copies of this list, each with another chosen value. In the first copy, the chosen value is
     /// `steps` places further in the list, or further back if `steps` is negative. The list is a circle: its
     /// first value follows its last value. In each later copy, the choice moves by one more place in the
@@ -74,6 +79,7 @@ mod tests {
         assert_eq!((met(1), met(-1)), (vec![1, 2], vec![2, 1]));
         assert_eq!((met(2), met(-5), met(3)), (vec![2, 1], vec![1, 2], vec![3, 1, 2]));
         let second = choices.others(1).next().expect("one");
+        assert_eq!((choices.taken_after_first(), second.taken_after_first()), (None, Some(1)));
         assert_eq!(second.others(1).map(|other| other.taken()).collect::<Vec<_>>(), [2, 3]);
         assert_eq!(Choices::of(3, []).others(1).count(), 0);
     }

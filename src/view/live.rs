@@ -291,8 +291,8 @@ impl Live {
 
     /// Changes to the local size that is `steps` steps further in the list, or back if `steps` is negative. If the
     /// device cannot use this local size, changes to the first usable local size after it (before it, if `steps` is
-    /// negative). There is one exception: if the user has named no local size on the command line, and the work-group
-    /// is too large for the device, raycl may make the work-group smaller instead.
+    /// negative). The first local size of the list is raycl's choice, unless the user has named it on the command line;
+    /// only for this choice, raycl may make a work-group smaller that is too large for the device.
     ///
     /// # Errors
     ///
@@ -473,12 +473,16 @@ fn usual(subject: &Subject, device: &Device, scene: &Scene) -> Result<Selection>
     Ok((strategies(strategy, &device.info), local_sizes(local_size)))
 }
 
+/// Prepares the strategy and the local size in `selection`. A local size that the user has chosen with keys counts
+/// like one that is named on the command line: raycl does not replace it by a smaller one.
 fn ready(
     subject: &Subject,
     session: &mut Session,
     selection: &Selection,
 ) -> std::result::Result<Ready, Refused> {
     let (strategies, local_sizes) = selection;
+    let local_size = local_sizes.taken_after_first().or(subject.local_size);
+    let subject = Subject { local_size, ..subject.clone() };
     let prepared = subject.prepare(session, &strategies.taken(), local_sizes.taken())?;
     let caster = prepared.caster()?;
     Ok((prepared, caster))
@@ -627,6 +631,22 @@ mod tests {
         assert_eq!((tile.local_size(), own), ([8, 8], [1, 1]));
         tile.next_strategy(-1).expect("the first strategy");
         assert_eq!(tile.local_size(), own);
+    }
+
+    /// With tiles, the work-groups of some local sizes are too large for the stack of a CPU's thread.
+    #[test]
+    fn steps_through_the_local_sizes_show_each_size_once() {
+        let mut tile = live(&["--strategy", "tile"], 1);
+        let mut seen = vec![tile.local_size()];
+        loop {
+            tile.next_local_size(1).expect("another size");
+            if tile.local_size() == seen[0] {
+                break;
+            }
+            assert!(!seen.contains(&tile.local_size()), "{:?} after {seen:?}", tile.local_size());
+            seen.push(tile.local_size());
+        }
+        assert!(seen.len() > 3, "{seen:?}");
     }
 
     #[test]

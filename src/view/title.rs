@@ -15,12 +15,14 @@ pub fn line(
 ) -> String {
     let [across, down] = live.local_size();
     let [cast, samples] = live.progress();
+    // A rate that is not measured yet is 0. While nothing is cast, the rate of frames is 0, too.
+    let [has_frames, has_rays] = [frames_per_s + rays_per_s, rays_per_s].map(|rate| rate > 0.0);
     let parts = [
         live.scene().name.clone(),
         short_name(&live.strategy()),
         format!("{across}x{down}"),
-        rate(rays_per_s, "rays"),
-        format!("{frames_per_s:.0} frames/s"),
+        if has_rays { rate(rays_per_s, "rays") } else { "- rays/s".to_owned() },
+        if has_frames { format!("{frames_per_s:.0} frames/s") } else { "- frames/s".to_owned() },
         format!("{cast} of {samples} samples"),
     ];
     // The device comes last: its name may be long.
