@@ -41,7 +41,7 @@ fn frames_of_one_session_share_the_devices_memory() {
     let Err(refused) = prepare(&mut session, &deferred()) else { panic!("there is no room for two") };
     assert!(matches!(refused, Refused::Device(_)), "{refused:?}");
     let said = refused.reason();
-    assert!(said.starts_with("global memory") && said.contains("B that other points hold"), "{said}");
+    assert!(said.starts_with("global memory") && said.contains("B that raycl already uses"), "{said}");
     let error = refused.into_error(&device().info).to_string();
     let start = format!("{} cannot cast this frame: global memory", device().info.label);
     assert!(error.starts_with(&start), "{error}");

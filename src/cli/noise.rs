@@ -125,7 +125,7 @@ fn text(noise: &Noise, device: &str) -> String {
             "  smallest difference that all launches together can show  {}",
             part(noise.between_launches)
         ),
-        format!("  half-width of the 95% interval of a point's time         {}", part(noise.own_time)),
+        format!("  upper half of the 95% interval of a point's time         {}", part(noise.own_time)),
     ];
     lines.extend(noise.not_compared.as_ref().map(|why| format!("  {why}")));
     let number = |value: f64| significant(value, 2);
@@ -201,7 +201,7 @@ mod tests {
                 "a device, 60 samples in 3 launches".to_owned(),
                 format!("smallest difference that one launch can show {}", percent(0.01)),
                 format!("smallest difference that all launches together can show {}", percent(0.02)),
-                format!("half-width of the 95% interval of a point's time {}", percent(0.03)),
+                format!("upper half of the 95% interval of a point's time {}", percent(0.03)),
                 "1 of 4 points was not compared".to_owned(),
                 "on average, other processes kept 0.25 of 8 processors busy, and other virtual machines on the same hardware used 0.50 more"
                     .to_owned(),

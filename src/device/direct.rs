@@ -108,7 +108,7 @@ pub fn device_answer(device: Device, query: u32) -> Result<Vec<u8>, String> {
     let device = device.as_core().as_raw();
     // SAFETY: `answer` passes memory of `size` bytes.
     let ask = |size, value, needed| unsafe { ffi::clGetDeviceInfo(device, query, size, value, needed) };
-    answer(ask).map_err(|status| returned("clGetDeviceInfo", status))
+    answer("clGetDeviceInfo", ask)
 }
 
 /// Returns a platform's answer to a query for a text. The error names the status of the failed query.
@@ -116,7 +116,7 @@ pub fn platform_text(platform: Platform, query: u32) -> Result<String, String> {
     let platform = platform.as_core().as_ptr();
     // SAFETY: `answer` passes memory of `size` bytes.
     let ask = |size, value, needed| unsafe { ffi::clGetPlatformInfo(platform, query, size, value, needed) };
-    answer(ask).map(|bytes| one_line(&bytes)).map_err(|status| returned("clGetPlatformInfo", status))
+    answer("clGetPlatformInfo", ask).map(|bytes| one_line(&bytes))
 }
 
 /// Returns the number of work-items in the largest sub-group of a kernel that is started with this local size. Returns
@@ -136,7 +136,7 @@ fn sub_group_size_by(
     let (input, bytes) = (local_size.as_ptr().cast(), size_of_val(&local_size));
     // SAFETY: the input has `bytes` bytes, and `answer` passes memory of `size` bytes.
     let ask = |size, value, needed| unsafe { info(kernel, device, query, bytes, input, size, value, needed) };
-    Some(usize::from_ne_bytes(answer(ask).ok()?.try_into().ok()?))
+    Some(usize::from_ne_bytes(answer("clGetKernelSubGroupInfoKHR", ask).ok()?.try_into().ok()?))
 }
 
 /// Returns the function that answers queries about sub-groups. Returns `None` if the device does not list the
@@ -214,23 +214,23 @@ fn build_log(program: &ocl::core::Program, device: Device) -> Vec<u8> {
 
 fn build_answer(program: &ocl::core::Program, device: Device, query: u32) -> Option<Vec<u8>> {
     let (program, device) = (program.as_ptr(), device.as_core().as_raw());
-    answer(|size, value, needed| {
+    answer("clGetProgramBuildInfo", |size, value, needed| {
         // SAFETY: `answer` passes memory of `size` bytes.
         unsafe { ffi::clGetProgramBuildInfo(program, device, query, size, value, needed) }
     })
     .ok()
 }
 
-/// Returns the answer to a query, or the status of a query that failed. An answer of more than `LARGEST_BYTES` bytes is
-/// treated like the status `CL_OUT_OF_HOST_MEMORY`. `ask` calls OpenCL. The parameters of `ask` are the size in bytes
-/// of the memory for the answer, a pointer to this memory (or null), and a pointer to which OpenCL writes the answer's
-/// size (or null).
-fn answer(ask: impl Fn(usize, *mut c_void, *mut usize) -> i32) -> Result<Vec<u8>, i32> {
-    let checked = |status| if status == 0 { Ok(()) } else { Err(status) };
+/// Returns the answer to a query. The error names the status of a query that failed, or the size of an answer of more
+/// than `LARGEST_BYTES` bytes. `ask` calls OpenCL's `function`. The parameters of `ask` are the size in bytes of the
+/// memory for the answer, a pointer to this memory (or null), and a pointer to which OpenCL writes the answer's size
+/// (or null).
+fn answer(function: &str, ask: impl Fn(usize, *mut c_void, *mut usize) -> i32) -> Result<Vec<u8>, String> {
+    let checked = |status| if status == 0 { Ok(()) } else { Err(returned(function, status)) };
     let mut size = 0;
     checked(ask(0, ptr::null_mut(), &mut size))?;
     if size > LARGEST_BYTES {
-        return Err(Status::CL_OUT_OF_HOST_MEMORY as i32);
+        return Err(format!("{function} announces an answer of {size} bytes, so the driver is broken"));
     }
     let mut bytes = vec![0_u8; size];
     if size > 0 {
@@ -318,15 +318,17 @@ mod tests {
     #[test]
     fn an_answer_is_read_in_two_calls_and_a_status_or_an_impossible_size_is_an_error() {
         let text = |size, value, needed| answered(*b"abc", size, value, needed);
-        assert_eq!(answer(text), Ok(b"abc".to_vec()));
-        assert_eq!(answer(|_, _, _| -1108), Err(-1108));
+        let answer_of = |ask: &dyn Fn(usize, *mut c_void, *mut usize) -> i32| answer("clX", ask);
+        assert_eq!(answer_of(&text), Ok(b"abc".to_vec()));
+        assert_eq!(answer_of(&|_, _, _| -1108), Err("clX returned the unknown status -1108".to_owned()));
         let endless = |_: usize, _: *mut c_void, needed: *mut usize| {
             // SAFETY: `answer` passes a valid pointer for the size in its first call, and makes no second
             // call.
             unsafe { *needed = 1 << 46 };
             0
         };
-        assert_eq!(answer(endless), Err(-6));
+        let message = "clX announces an answer of 70368744177664 bytes, so the driver is broken";
+        assert_eq!(answer_of(&endless), Err(message.to_owned()));
         let only_its_size = |_: usize, _: *mut c_void, needed: *mut usize| {
             if needed.is_null() {
                 return -5;
@@ -335,7 +337,8 @@ mod tests {
             unsafe { *needed = 3 };
             0
         };
-        assert_eq!(answer(only_its_size), Err(-5));
+        let message = "clX returned CL_OUT_OF_RESOURCES (-5)";
+        assert_eq!(answer_of(&only_its_size), Err(message.to_owned()));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
+use std::fmt::Display;
 use std::sync::{Mutex, MutexGuard};
 
 use ocl::core::DeviceInfo as Query;
@@ -143,11 +144,13 @@ fn platforms() -> Result<impl Iterator<Item = ocl::Platform>> {
     if platform_count()? == 0 {
         return Err(no_platform(address_space_limit(), few_open_files()));
     }
-    let platforms = ocl::core::get_platform_ids().map_err(|error| {
-        Error::run(format!("the OpenCL platforms could not be listed: {error}"))
-            .with_help("install an OpenCL driver, such as PoCL (`apt install pocl-opencl-icd`)")
-    })?;
+    let platforms = ocl::core::get_platform_ids().map_err(unlisted)?;
     Ok(platforms.into_iter().map(ocl::Platform::new))
+}
+
+/// Returns the error if the OpenCL loader has platforms, but cannot list them. A driver is then installed.
+fn unlisted(error: impl Display) -> Error {
+    Error::run(format!("the OpenCL platforms could not be listed: {error}")).with_help(FAILED)
 }
 
 /// The name that raycl shows for a platform or device without a name.
@@ -367,6 +370,7 @@ mod tests {
         let (message, remedy) = of(&empty, &[]);
         assert_eq!(message, "no OpenCL device was found (platforms without a device: Hollow)");
         assert_eq!(remedy, HOW_TO_GET_ONE);
+        assert_eq!(unlisted("CL_OUT_OF_HOST_MEMORY").remedy(), FAILED);
     }
 
     #[test]

@@ -201,7 +201,7 @@ mod tests {
             let refused = dry_run(&run, &Past::default()).unwrap()[0].refused.clone().unwrap();
             assert_eq!([done(&small, &refused), done(&large, &refused)], [true, false], "{refused}");
         }
-        let beside = "global memory: 2 B > 1 B, in addition to 3 B that other points hold";
+        let beside = "global memory: 2 B > 1 B, in addition to 3 B that raycl already uses";
         assert!(done(&large, beside) && done(&large, "__local memory: 2 B > 1 B"));
     }
 

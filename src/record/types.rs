@@ -499,10 +499,13 @@ mod tests {
         let is_final = |outcome, reason: &str| {
             Record { outcome, reason: Some(reason.to_owned()), ..Record::default() }.is_final()
         };
-        let beside = "global memory: 2 B > 1 B, in addition to 3 B that other points hold";
+        let beside = |words: &str| format!("global memory: 2 B > 1 B, in addition to 3 B {words}");
         assert!(is_final(Outcome::Infeasible, "global memory: 2 B > 1 B") && is_final(Outcome::Measured, ""));
         assert!(!is_final(Outcome::Infeasible, "the host's memory (casting): 2 B > 1 B according to a test"));
-        assert!(!is_final(Outcome::Infeasible, beside) && !is_final(Outcome::Crashed, "no"));
+        for words in [Infeasible::BESIDE_OTHERS, "that other points hold"] {
+            assert!(!is_final(Outcome::Infeasible, &beside(words)), "{words}");
+        }
+        assert!(!is_final(Outcome::Crashed, "no"));
     }
 
     #[test]

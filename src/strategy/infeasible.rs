@@ -38,8 +38,10 @@ impl Infeasible {
     pub const GLOBAL_MEMORY: &'static str = "global memory";
     /// The words with which a reason begins if the stacks of a CPU's threads are too small.
     pub const CPU_STACK: &'static str = "a CPU thread's stack";
-    /// The words by which a reason mentions memory that other points of the run hold on the device.
-    pub const BESIDE_OTHERS: &'static str = "that other points hold";
+    /// The words by which a reason mentions memory that raycl uses for other points, frames or trees.
+    pub const BESIDE_OTHERS: &'static str = "that raycl already uses";
+    /// The same words in older records.
+    const BESIDE_OTHERS_EARLIER: &'static str = "that other points hold";
     /// The last words of a reason, if the limit comes from the experiment's config and not from the device
     /// itself.
     pub const EMULATED: &'static str = "the limit in [emulate]";
@@ -47,7 +49,8 @@ impl Infeasible {
     /// Returns true if a reason holds only for a moment, because other programs use the host's memory, or
     /// other points of the run hold memory. The point may fit at another moment.
     pub fn is_of_the_moment(reason: &str) -> bool {
-        reason.starts_with(Self::ON_HOST) || reason.contains(Self::BESIDE_OTHERS)
+        let beside = [Self::BESIDE_OTHERS, Self::BESIDE_OTHERS_EARLIER];
+        reason.starts_with(Self::ON_HOST) || beside.iter().any(|words| reason.contains(words))
     }
 
     /// Returns true if the point exceeds the device's global memory, its largest buffer or its threads' stacks.
