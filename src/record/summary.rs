@@ -98,9 +98,17 @@ impl<'a> Group<'a> {
     }
 
     /// Returns the fastest record with a rank that matches `wanted`. If no record with a rank matches, returns the
-    /// first measured record without a rank that matches.
+    /// record with the shortest median time among those without a rank that match.
     pub fn best_where(&self, wanted: impl Fn(&Record) -> bool) -> Option<&'a Record> {
-        self.ranking().all().into_iter().find(|record| wanted(record))
+        let Ranking { ranked, unranked, .. } = self.ranking();
+        let shortest = || {
+            let matching = unranked.into_iter().filter(|record| wanted(record));
+            matching
+                .filter_map(|record| Some((record, median(record)?)))
+                .min_by(|(_, a), (_, b)| a.total_cmp(b))
+        };
+        let best = ranked.into_iter().find(|record| wanted(record));
+        best.or_else(|| shortest().map(|(record, _)| record))
     }
 
     /// Returns the fastest record with the preset `naive`, as [`Self::best_where`] finds it; `None` if no record with
@@ -296,7 +304,8 @@ pub mod tests {
         let records = judged([
             few("gpu", "naive", 4, 1.0, 1),
             measured("gpu", "naive", 8, 2.05),
-            few("gpu", "wide", 1, 0.1, 2),
+            few("gpu", "wide", 1, 0.3, 2),
+            few("gpu", "wide", 4, 0.1, 2),
         ]);
         let groups = groups(&records);
         let best = |name: &str| groups[0].best_where(|record| record.name == name).and_then(median);
