@@ -16,8 +16,8 @@ use std::ops::Range;
 const TRIANGLES_PER_CELL: usize = 256;
 /// The largest number of cells, because a cell's number is stored in 16 bits.
 const MOST_CELLS: usize = 1 << 16;
-/// The largest number of threads among which `order_by_cell` divides the triangles evenly. More threads would
-/// gain little, because each thread reads the cell numbers of all triangles.
+/// With more threads than this, the shares into which `order_by_cell` divides the triangles do not become smaller.
+/// Smaller shares would gain little, because the cell numbers of all triangles are read for each share.
 const MOST_READERS: usize = 16;
 
 /// Returns the largest number of cells for a mesh with this number of triangles.

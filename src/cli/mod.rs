@@ -33,6 +33,7 @@ pub mod schema;
 pub mod strategies;
 pub(crate) mod subject;
 mod turn;
+mod undecodable;
 pub mod view;
 mod watch;
 
@@ -373,6 +374,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 
 /// Returns clap's error for the arguments `words` with tips about mistakes that raycl recognises.
 fn explained(error: clap::Error, words: &[OsString]) -> clap::Error {
+    let error = undecodable::explain(error, words);
     blanks::explain(renamed::explain(guesses::explain(error, words)), words)
 }
 
