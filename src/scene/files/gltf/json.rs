@@ -1,14 +1,18 @@
 //! Reads the JSON of a glTF file. raycl does not use names, `extras` and the contents of animations, so these need not
 //! be valid glTF.
 
+use super::locals::{self, Local};
 use super::{Flaw, Named, Result, quoted};
 use crate::error::Error;
 use gltf::json::Root;
 use serde_json::{Map, Value, json};
 
-/// The JSON of a file, and the number of its animations, which raycl does not use.
+/// The JSON of a file.
 pub(super) struct Read {
     pub root: Root,
+    /// The transforms of all nodes, in double precision.
+    pub locals: Vec<Local>,
+    /// The number of animations, which raycl does not use.
     pub animations: usize,
 }
 
@@ -16,10 +20,13 @@ pub(super) struct Read {
 /// `extras`. `gltf-json` refuses some valid files, such as files with animations without a node
 /// (`KHR_animation_pointer`), with scenes without nodes, or with `extras` that are single numbers.
 pub(super) fn read(named: Named<'_>, json: &[u8]) -> Result<Read> {
-    match serde_json::from_slice::<Root>(json) {
-        Ok(root) => Ok(Read { animations: root.animations.len(), root }),
-        Err(error) => tidied(json).ok_or_else(|| misread(named, json, &error)),
-    }
+    let read = match serde_json::from_slice::<Root>(json) {
+        Ok(root) => Ok((root.animations.len(), root)),
+        Err(error) => tidied(json).ok_or(error),
+    };
+    let whole =
+        read.and_then(|(animations, root)| Ok(Read { root, locals: locals::read(json)?, animations }));
+    whole.map_err(|error| misread(named, json, &error))
 }
 
 /// Returns a note if the file states a version other than 2 or 2.x, or if it needs another version
@@ -38,8 +45,9 @@ fn is_version_2(version: &str) -> bool {
 }
 
 /// Reads the JSON without animations, names and `extras`, which raycl does not use. Adds empty `nodes` and `attributes`
-/// where they are missing, because `gltf-json` demands them. Returns `None` if `gltf-json` refuses the resulting JSON.
-fn tidied(json: &[u8]) -> Option<Read> {
+/// where they are missing, because `gltf-json` demands them. Returns the number of animations and the resulting JSON;
+/// `None` if `gltf-json` refuses this JSON.
+fn tidied(json: &[u8]) -> Option<(usize, Root)> {
     let mut value: Value = serde_json::from_slice(json).ok()?;
     let version = &value["asset"]["version"];
     if !version.as_str().is_some_and(is_version_2) {
@@ -57,7 +65,7 @@ fn tidied(json: &[u8]) -> Option<Read> {
         complete(mesh, "primitives", "attributes", &json!({}));
     }
     strip(&mut value);
-    Some(Read { root: serde_json::from_value(value).ok()?, animations })
+    Some((animations, serde_json::from_value(value).ok()?))
 }
 
 /// Returns the objects in the list that `of` has under the key `list`.

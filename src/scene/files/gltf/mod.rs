@@ -9,6 +9,7 @@ mod extension_values;
 mod extensions;
 mod json;
 mod left_out;
+mod locals;
 mod materials;
 mod memory;
 mod nodes;
@@ -41,13 +42,13 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let named = Named { name, quotes };
     let (json, binary) = container::split(named, bytes)?;
     let survey = Survey::of(named, json)?;
-    let json::Read { root, animations } = json::read(named, json)?;
+    let json::Read { root, locals, animations } = json::read(named, json)?;
     extensions::refuse(named, &root)?;
     extension_values::check(&root).map_err(|what| named.error(what))?;
     let binary_bytes = binary.as_ref().map_or(0, |bytes| bytes.len());
     let buffers = buffers::load(&root, reach, binary).map_err(|flaw| named.error(flaw))?;
     let mut materials = materials::read(&root);
-    let placed = transforms::placed(&root).map_err(|what| named.error(what))?;
+    let placed = transforms::placed(&root, &locals).map_err(|what| named.error(what))?;
     let used = nodes::materials_of(&root, &placed);
     let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
     let files = Files { root: &root, buffers: &buffers, reach };
@@ -57,7 +58,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     notes.extend(pictures.notes(quotes, &[Part::ColourSpace, Part::Animation]));
     let numbers = Numbers::of_file(&root, &buffers);
     memory::hold(name, numbers, &placed, &maps)?;
-    let walk = Walk::of(numbers, &placed, &maps).map_err(|flaw| named.error(flaw))?;
+    let walk = Walk::of(numbers, (&locals, &placed), &maps).map_err(|flaw| named.error(flaw))?;
     let settled = walk.settled((materials.list, pictures.list), &mut |mesh, all| {
         all.append(&mut notes);
         obj::note_materials(&materials.asked, mesh, quotes, all);

@@ -4,6 +4,7 @@ mod seen;
 
 use super::accessors::Numbers;
 use super::left_out::{self, LeftOut};
+use super::locals::Local;
 use super::materials::uses_alpha;
 use super::primitives::{Part, mode_of};
 use super::skins::{self, Skin};
@@ -62,13 +63,14 @@ pub(super) struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Reads the meshes, cameras and lights of all nodes of the scene.
+    /// Reads the meshes, cameras and lights of all nodes of the scene. `locals` has the transforms of all nodes of the
+    /// file.
     pub fn of(
         numbers: Numbers<'a>,
-        placed: &[PlacedNode],
+        (locals, placed): (&[Local], &[PlacedNode]),
         maps: &'a [Option<ColourMap>],
     ) -> Result<Self, Flaw> {
-        let skins = skins::of_nodes(numbers, placed)?;
+        let skins = skins::of_nodes(numbers, locals, placed)?;
         let mut walk = Self {
             numbers,
             skins: skins.list,

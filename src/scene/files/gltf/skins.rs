@@ -3,6 +3,7 @@
 
 use super::Parsed;
 use super::accessors::Numbers;
+use super::locals::Local;
 use super::transforms::{PlacedNode, affine, is_affine, normal_matrix, worlds};
 use glam::{DMat3, DMat4, DVec3};
 use gltf::json::accessor::Accessor;
@@ -50,11 +51,11 @@ pub(super) struct Skins {
     pub rows: usize,
 }
 
-/// Reads the skins of the nodes `placed`.
-pub(super) fn of_nodes(numbers: Numbers<'_>, placed: &[PlacedNode]) -> Parsed<Skins> {
+/// Reads the skins of the nodes `placed`. `locals` has the transforms of all nodes of the file.
+pub(super) fn of_nodes(numbers: Numbers<'_>, locals: &[Local], placed: &[PlacedNode]) -> Parsed<Skins> {
     let nodes = placed.iter().filter_map(|(node, _)| numbers.root.get(*node));
     let used: Vec<_> = nodes.filter(|node| node.mesh.is_some()).filter_map(|node| node.skin).collect();
-    let worlds = if used.is_empty() { Vec::new() } else { worlds(numbers.root, placed) };
+    let worlds = if used.is_empty() { Vec::new() } else { worlds(numbers.root, locals, placed) };
     let (mut skins, mut matrices) = (HashMap::new(), HashMap::new());
     for index in used {
         // Many nodes may name the same skin.

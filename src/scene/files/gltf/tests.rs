@@ -194,6 +194,18 @@ fn a_far_node_is_centred() {
     assert_eq!(corners(&file.mesh)[0], Vec3::new(-0.5, -0.5, 0.0));
 }
 
+/// In single precision, 1e8 and the next larger number differ by 8.
+#[test]
+fn far_nodes_keep_their_distances() {
+    let matrix = r#"{"mesh": 0, "matrix": [0.1,0,0,0, 0,1,0,0, 0,0,1,0, 100000003.25,0,0,1]}"#;
+    let nodes = format!(r#"{{"mesh": 0, "translation": [1e8, 0, 0]}}, {matrix}"#);
+    let text = triangle().replace(r#"{"mesh": 0, "translation": [0, 0, 5]}"#, &nodes);
+    let file = read(&text.replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)).unwrap();
+    let [first, second] = [0, 1].map(|triangle| file.mesh.corners(&file.mesh.triangles[triangle]));
+    assert_eq!(second[0] - first[0], Vec3::X * 3.25);
+    assert!((second[1].x - second[0].x - 0.1).abs() < 1e-6);
+}
+
 #[test]
 fn materials_cameras_and_lights() {
     let text = triangle()

@@ -1,7 +1,8 @@
 //! Computes the transforms of the nodes of a glTF file.
 
 use super::Flaw;
-use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Vec3};
+use super::locals::Local;
+use glam::{DMat3, DMat4, DVec4};
 use gltf::json::scene::{Node, Scene};
 use gltf::json::{Index, Root};
 
@@ -18,8 +19,9 @@ pub(super) fn shown_scene(root: &Root) -> Option<&Scene> {
 }
 
 /// Returns the nodes of the shown scene. If the file has no scene, returns the nodes without a parent and their
-/// descendants, which must be all nodes of the file. A parent comes before its children.
-pub(super) fn placed(root: &Root) -> Result<Vec<PlacedNode>, Flaw> {
+/// descendants, which must be all nodes of the file. A parent comes before its children. `locals` has the transforms of
+/// all nodes of the file.
+pub(super) fn placed(root: &Root, locals: &[Local]) -> Result<Vec<PlacedNode>, Flaw> {
     let scene = shown_scene(root);
     let mut next: Vec<PlacedNode> = match scene {
         Some(scene) => scene.nodes.iter().map(|node| (*node, DMat4::IDENTITY)).collect(),
@@ -36,7 +38,7 @@ pub(super) fn placed(root: &Root) -> Result<Vec<PlacedNode>, Flaw> {
             let twice = Flaw::from(format!("node {number} occurs twice in the scene; expected once"));
             return Err(twice.with_remedy(ONE_PARENT));
         }
-        let transform = parent * local(node);
+        let transform = parent * local(locals, index);
         if !transform.is_finite() {
             return Err(format!("node {number} has a transform that is not finite").into());
         }
@@ -55,7 +57,7 @@ pub(super) fn placed(root: &Root) -> Result<Vec<PlacedNode>, Flaw> {
 /// the nodes of the shown scene. The transform of any other node is the product of the transforms of its ancestors and
 /// its own. The result is `None` if a node has a parent but no ancestor without a parent, because ancestors of the
 /// node form a cycle.
-pub(super) fn worlds(root: &Root, placed: &[PlacedNode]) -> Vec<Option<DMat4>> {
+pub(super) fn worlds(root: &Root, locals: &[Local], placed: &[PlacedNode]) -> Vec<Option<DMat4>> {
     let mut worlds = vec![None; root.nodes.len()];
     placed.iter().for_each(|(node, transform)| worlds[node.value()] = Some(*transform));
     let mut next: Vec<PlacedNode> = roots(root).map(|node| (node, DMat4::IDENTITY)).collect();
@@ -63,11 +65,16 @@ pub(super) fn worlds(root: &Root, placed: &[PlacedNode]) -> Vec<Option<DMat4>> {
         let (Some(node), Some(world @ None)) = (root.get(index), worlds.get_mut(index.value())) else {
             continue;
         };
-        let transform = above * local(node);
+        let transform = above * local(locals, index);
         *world = Some(transform);
         next.extend(node.children.iter().flatten().map(|child| (*child, transform)));
     }
     worlds
+}
+
+/// Returns the transform from a node's coordinates to the coordinates of its parent. `locals` has all nodes of the file.
+fn local(locals: &[Local], node: Index<Node>) -> DMat4 {
+    locals.get(node.value()).map_or(DMat4::IDENTITY, |local| local.0)
 }
 
 fn roots(root: &Root) -> impl Iterator<Item = Index<Node>> {
@@ -96,23 +103,6 @@ pub(super) fn affine(mut matrix: DMat4) -> DMat4 {
     let DMat4 { x_axis, y_axis, z_axis, w_axis } = &mut matrix;
     (x_axis.w, y_axis.w, z_axis.w, w_axis.w) = (0.0, 0.0, 0.0, 1.0);
     matrix
-}
-
-/// Returns the transform from a node's coordinates to the coordinates of its parent.
-fn local(node: &Node) -> DMat4 {
-    if let Some(matrix) = node.matrix {
-        return affine(DMat4::from_cols_array(&matrix.map(f64::from)));
-    }
-    let vector =
-        |values: Option<[f32; 3]>, default| values.map_or(default, |v| Vec3::from_array(v).as_dvec3());
-    let rotation =
-        node.rotation.map_or(DQuat::IDENTITY, |rotation| DQuat::from_array(rotation.0.map(f64::from)));
-    let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
-    DMat4::from_scale_rotation_translation(
-        vector(node.scale, DVec3::ONE),
-        rotation,
-        vector(node.translation, DVec3::ZERO),
-    )
 }
 
 /// Returns the matrix that transforms normals: the matrix of cofactors of `linear`, negated if the
