@@ -1,6 +1,7 @@
 //! The extensions that a glTF file uses: which are supported, which are noted, and which are refused.
 
 use super::accessors::is_empty;
+use super::fallbacks::Fallbacks;
 use super::survey::Survey;
 use super::{Flaw, Named, Result, quoted};
 use crate::words::first;
@@ -9,15 +10,19 @@ use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 use std::collections::BTreeSet;
 
-/// Extensions that raycl supports, and extensions on which another module writes a note if a part of the file
-/// uses them.
-const KNOWN: [&str; 4] =
-    ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
-/// Beginnings of the names of more known extensions, which concern only surfaces. Other modules support these
-/// extensions or write notes on what the picture lacks.
-const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
-/// An extension that gives a surface several materials to choose from. This extension does not count as
-/// known, although its name begins with `KHR_materials_`, because no other module writes a note on it.
+/// Extensions that raycl supports.
+const SUPPORTED: [&str; 5] = [
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+/// Beginning of the names of extensions that concern only the surfaces of materials. Another module supports these
+/// extensions or writes notes on what the picture lacks.
+const OF_MATERIALS: &str = "KHR_materials_";
+/// An extension that gives a surface several materials to choose from. Although its name begins with `KHR_materials_`,
+/// no other module writes a note on it.
 const VARIANTS: &str = "KHR_materials_variants";
 /// raycl assumes that an extension whose name contains one of these words compresses vertices in a form that
 /// raycl cannot read.
@@ -28,9 +33,10 @@ const MOST_LISTED: usize = 8;
 /// The extension that stores the vertices and triangles of a primitive (a part of a mesh) in compressed form.
 const DRACO: &str = "KHR_draco_mesh_compression";
 
-fn is_known(extension: &str) -> bool {
-    let in_family = KNOWN_FAMILIES.iter().any(|family| extension.starts_with(family));
-    KNOWN.contains(&extension) || in_family && extension != VARIANTS
+/// Returns true if raycl supports an extension, or if another module writes a note on each part of the file that has it.
+fn is_known(extension: &str, fallbacks: &Fallbacks<'_>) -> bool {
+    let is_of_material = extension.starts_with(OF_MATERIALS) && extension != VARIANTS;
+    SUPPORTED.contains(&extension) || is_of_material || fallbacks.are_noted(extension)
 }
 
 fn is_compression(extension: &str) -> bool {
@@ -65,20 +71,35 @@ fn is_compressed(root: &Root, primitive: &Primitive) -> bool {
     compressed && positions.is_none_or(|index| is_empty(root, *index))
 }
 
-/// Returns notes on unsupported extensions, except those on which other modules write notes. The notes concern the
-/// extensions that the file lists, and those that a part of the file has without being listed. The notes contain the
-/// names of the extensions only if `quotes` is true.
-pub(super) fn notes(root: &Root, survey: &Survey, quotes: bool) -> impl Iterator<Item = String> {
-    let needed = root.extensions_required.iter().filter(|name| !is_known(name));
+/// Returns notes on unsupported extensions, except those on which other modules write notes, and on supported extensions
+/// in places where raycl does not read them. The notes concern the extensions that the file lists, and those that a part
+/// of the file has without being listed. The notes contain the names of the extensions only if `quotes` is true.
+pub(super) fn notes(
+    root: &Root,
+    survey: &Survey,
+    fallbacks: &Fallbacks<'_>,
+    quotes: bool,
+) -> impl Iterator<Item = String> {
+    let is_known = |name: &str| is_known(name, fallbacks);
+    // No other module writes a note on an extension that no part of the file has.
+    let is_noted = |name: &String| is_known(name) && survey.extensions.contains(name);
+    let needed = root.extensions_required.iter();
+    let needed = needed.filter(|name| !SUPPORTED.contains(&name.as_str()) && !is_noted(name));
     let used: BTreeSet<_> = root.extensions_used.iter().chain(&survey.extensions).collect();
     let ignored = used.into_iter().filter(|name| !is_known(name) && !root.extensions_required.contains(name));
+    let misplaced = survey.misplaced.iter().filter(|(name, _)| is_known(name) && !fallbacks.are_noted(name));
+    let misplaced = misplaced.map(|(name, place)| format!("{} in {place}", quoted(name.as_bytes())));
     let note = |what: &str, names: Vec<String>| {
         let listed = || if quotes { format!(": {}", first(&names, MOST_LISTED)) } else { String::new() };
         (!names.is_empty()).then(|| what.to_owned() + &listed())
     };
     let what = "the file requires extensions that raycl does not support, so the picture may be wrong";
-    let needed = note(what, list(needed));
-    needed.into_iter().chain(note("unsupported extensions are ignored", list(ignored)))
+    let notes = [
+        note(what, list(needed)),
+        note("unsupported extensions are ignored", list(ignored)),
+        note("extensions in places where they have no meaning are ignored", misplaced.collect()),
+    ];
+    notes.into_iter().flatten()
 }
 
 fn list<'a>(extensions: impl Iterator<Item = &'a String>) -> Vec<String> {

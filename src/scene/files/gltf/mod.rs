@@ -7,7 +7,9 @@ mod buffers;
 mod container;
 mod extension_values;
 mod extensions;
+mod fallbacks;
 mod json;
+mod kinds;
 mod left_out;
 mod locals;
 mod materials;
@@ -27,6 +29,7 @@ use crate::error::Result;
 use crate::scene::obj::{self, Reach, quoted};
 use crate::words::counted_are;
 use accessors::Numbers;
+use fallbacks::Fallbacks;
 use nodes::Walk;
 use survey::Survey;
 use textures::Files;
@@ -53,6 +56,8 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
     let files = Files { root: &root, buffers: &buffers, reach };
     files.keep_pictures();
+    let fallbacks = Fallbacks::of(&root, &used);
+    notes.extend(fallbacks.note(quotes));
     let maps = files.colour_maps(&used, &mut materials.list[1..], &mut pictures, &mut notes);
     // glTF orders readers to ignore colour profiles and animations of pictures (2.0, 3.8.2).
     notes.extend(pictures.notes(quotes, &[Part::ColourSpace, Part::Animation]));
@@ -67,8 +72,8 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     file.double_sided = materials::double_sided(&root, &used);
     file.notes.extend(note_animations(animations));
     file.notes.extend(replaced::notes(&root));
-    file.notes.extend(survey.note_attributes(quotes));
-    file.notes.extend(extensions::notes(&root, &survey, quotes));
+    file.notes.extend(survey.notes(quotes));
+    file.notes.extend(extensions::notes(&root, &survey, &fallbacks, quotes));
     file.notes.extend(json::note_version(&root, quotes));
     file.notes.extend(buffers::notes(&root, &buffers, binary_bytes));
     file.notes.extend(container::notes(bytes));

@@ -1,7 +1,8 @@
-//! Looks through the JSON of a glTF file for three things that the crate `gltf-json` does not report: keys that occur
-//! twice in an object, the names of the extensions that parts of the file have, and names of attributes that glTF does
-//! not define.
+//! Looks through the JSON of a glTF file for things that the crate `gltf-json` does not report: keys that occur twice in
+//! an object, the names of the extensions that parts of the file have, and keys and names of attributes that glTF does not
+//! define.
 
+use super::kinds::{self, Kind};
 use super::{Flaw, Named, Result, quoted};
 use crate::words::{counted_are, first};
 use gltf::json::mesh::Semantic;
@@ -15,7 +16,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Formatter};
 
-/// Largest number of attributes that a note names.
+/// Largest number of attributes or keys that a note names.
 const MOST_LISTED: usize = 8;
 
 /// Keys whose values are skipped. Applications may store anything in `extras`. The values of the other keys contain no
@@ -28,6 +29,12 @@ const SKIPPED: [&str; 9] =
 pub(super) struct Survey {
     /// The names of the extensions that parts of the file have.
     pub extensions: BTreeSet<String>,
+    /// The names of the extensions in objects of kinds to which they do not belong (see [`Kind::takes`]), with the names
+    /// of these kinds.
+    pub misplaced: BTreeSet<(String, &'static str)>,
+    /// The keys that glTF does not define, each with its place and perhaps the key that is meant, in words, and with the
+    /// number of objects that have it.
+    unknown: BTreeMap<String, usize>,
     /// The names of attributes that glTF does not define, with the number of primitives that have them. Names that
     /// begin with `_` are left out, because applications may choose such names.
     attributes: BTreeMap<String, usize>,
@@ -40,7 +47,7 @@ impl Survey {
     /// of its values. JSON that is not valid is no error here, because [`super::json::read`] reports it.
     pub fn of(named: Named<'_>, json: &[u8]) -> Result<Self> {
         let mut survey = Self::default();
-        let walk = Walk { survey: &mut survey, keys: Keys::Others };
+        let walk = Walk { survey: &mut survey, keys: Keys::Of(&kinds::FILE) };
         let walked = walk.deserialize(&mut serde_json::Deserializer::from_slice(json));
         match (walked, &survey.repeated) {
             (Err(error), Some(key)) => {
@@ -52,14 +59,22 @@ impl Survey {
         }
     }
 
-    /// Returns a note on attributes with names that glTF does not define. The note contains these names only if
+    /// Returns notes on keys and attributes with names that glTF does not define. The notes contain these names only if
     /// `quotes` is true.
-    pub fn note_attributes(&self, quotes: bool) -> Option<String> {
-        let count = self.attributes.values().sum();
-        let names: Vec<_> = self.attributes.keys().map(|name| quoted(name.as_bytes())).collect();
-        let listed = if quotes { format!(": {}", first(&names, MOST_LISTED)) } else { String::new() };
-        let attributes = counted_are(count, "attribute with a name that glTF does not define");
-        (count > 0).then(|| format!("{attributes} ignored{listed}"))
+    pub fn notes(&self, quotes: bool) -> impl Iterator<Item = String> {
+        let attributes =
+            self.attributes.iter().map(|(name, count)| (quoted(name.as_bytes()), *count)).collect();
+        let kinds = [
+            (attributes, "attribute with a name that glTF does not define"),
+            (self.unknown.clone(), "key that glTF does not define"),
+        ];
+        let note = |(counts, what): (BTreeMap<String, usize>, _)| {
+            let names: Vec<_> = counts.keys().collect();
+            let listed = if quotes { format!(": {}", first(&names, MOST_LISTED)) } else { String::new() };
+            let count = counts.values().sum();
+            (count > 0).then(|| format!("{} ignored{listed}", counted_are(count, what)))
+        };
+        kinds.map(note).into_iter().flatten()
     }
 }
 
@@ -70,23 +85,26 @@ struct Key<'a>(#[serde(borrow)] Cow<'a, str>);
 /// The meaning of the keys of an object.
 #[derive(Clone, Copy)]
 enum Keys {
-    /// The keys are names of extensions.
-    Extensions,
-    /// The keys are those of an extension or of a value in it.
-    OfExtension,
+    /// The keys are those of this kind of object.
+    Of(&'static Kind),
+    /// The keys are names of extensions of an object. The object has this kind, if its kind is known.
+    Extensions(Option<&'static Kind>),
     /// The keys are names of a primitive's attributes.
     Attributes,
+    /// The keys are those of an object of an unknown kind, such as one in an extension that raycl does not read.
     Others,
 }
 
 impl Keys {
-    /// Returns the meaning of the keys of the object under `key` or, if `key` is `None`, of the objects in a list.
-    fn below(self, key: Option<&str>) -> Self {
-        match (self, key) {
-            (Self::Extensions, _) => Self::OfExtension,
-            (_, Some("extensions")) => Self::Extensions,
-            (Self::OfExtension, _) => Self::OfExtension,
-            (_, Some("attributes")) => Self::Attributes,
+    /// Returns the meaning of the keys of the object under `key`, or of the objects in a list under `key`.
+    fn below(self, key: &str) -> Self {
+        let of = |kind: Option<_>| kind.map_or(Self::Others, Self::Of);
+        match self {
+            Self::Extensions(kind) => of(kind.and_then(|kind| kind.extension(key))),
+            Self::Of(kind) if key == "extensions" => Self::Extensions(Some(kind)),
+            Self::Of(kind) if key == "attributes" && kind.has(key) => Self::Attributes,
+            Self::Of(kind) => of(kind.part(key)),
+            _ if key == "extensions" => Self::Extensions(None),
             _ => Self::Others,
         }
     }
@@ -102,8 +120,17 @@ impl Walk<'_> {
     /// Adds a key of an object, if the survey needs it. The object has no earlier key of the same name.
     fn add(&mut self, key: &str) {
         match self.keys {
-            Keys::Extensions if !self.survey.extensions.contains(key) => {
-                self.survey.extensions.insert(key.to_owned());
+            Keys::Extensions(kind) => {
+                if !self.survey.extensions.contains(key) {
+                    self.survey.extensions.insert(key.to_owned());
+                }
+                if let Some(kind) = kind.filter(|kind| !kind.takes(key)) {
+                    self.survey.misplaced.insert((key.to_owned(), kind.name));
+                }
+            }
+            Keys::Of(kind) if !kind.has(key) => {
+                let place = format!("{} in {}{}", quoted(key.as_bytes()), kind.name, kind.meant(key));
+                *self.survey.unknown.entry(place).or_default() += 1;
             }
             Keys::Attributes if !key.starts_with('_') && !is_attribute(key) => {
                 *self.survey.attributes.entry(key.to_owned()).or_default() += 1;
@@ -153,8 +180,7 @@ impl<'de> Visitor<'de> for Walk<'_> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> std::result::Result<(), A::Error> {
-        let keys = self.keys.below(None);
-        while list.next_element_seed(Walk { survey: self.survey, keys })?.is_some() {}
+        while list.next_element_seed(Walk { survey: self.survey, keys: self.keys })?.is_some() {}
         Ok(())
     }
 
@@ -166,7 +192,7 @@ impl<'de> Visitor<'de> for Walk<'_> {
                 return Err(A::Error::custom("a key occurs twice"));
             }
             self.add(&key.0);
-            let keys = self.keys.below(Some(&key.0));
+            let keys = self.keys.below(&key.0);
             match &*key.0 {
                 key if SKIPPED.contains(&key) => object.next_value::<IgnoredAny>().map(|_| ())?,
                 _ => object.next_value_seed(Walk { survey: self.survey, keys })?,
@@ -189,6 +215,10 @@ mod tests {
 
     fn survey(json: &str) -> Result<Survey> {
         Survey::of(Named { name: "a.gltf", quotes: true }, json.as_bytes())
+    }
+
+    fn notes(json: &str, quotes: bool) -> Vec<String> {
+        survey(json).unwrap().notes(quotes).collect()
     }
 
     #[test]
@@ -225,16 +255,43 @@ mod tests {
         let note = |names: &[&str], quotes| {
             let keys = names.iter().map(|name| format!("\"{name}\": 0")).collect::<Vec<_>>().join(", ");
             let primitives = format!("[{{\"attributes\": {{{keys}}}}}, {{\"attributes\": {{{keys}}}}}]");
-            survey(&format!("{{\"meshes\": [{{\"primitives\": {primitives}}}]}}"))
-                .unwrap()
-                .note_attributes(quotes)
+            notes(&format!("{{\"meshes\": [{{\"primitives\": {primitives}}}]}}"), quotes)
         };
-        assert_eq!(note(&["POSITION", "COLOR_7", "TANGENT", "_COLOR"], true), None);
+        assert_eq!(note(&["POSITION", "COLOR_7", "TANGENT", "_COLOR"], true), [""; 0]);
         let expected = "4 attributes with a name that glTF does not define are ignored";
-        assert_eq!(note(&["COLOR", "Normal"], true), Some(format!("{expected}: `COLOR`, `Normal`")));
-        assert_eq!(note(&["COLOR", "Normal"], false), Some(expected.to_owned()));
+        assert_eq!(note(&["COLOR", "Normal"], true), [format!("{expected}: `COLOR`, `Normal`")]);
+        assert_eq!(note(&["COLOR", "Normal"], false), [expected]);
         // This extension has attributes of its own.
         let instances = r#"{"extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}}"#;
-        assert_eq!(survey(&format!("{{\"nodes\": [{instances}]}}")).unwrap().note_attributes(true), None);
+        assert_eq!(notes(&format!("{{\"nodes\": [{instances}]}}"), true), [""; 0]);
+    }
+
+    #[test]
+    fn keys_that_gltf_does_not_define_are_noted_with_their_places() {
+        let json = r#"{"lights": [], "material": [], "materials": [{"baseColorFactor": [1, 0, 0, 1], "Name": "a",
+"pbrMetallicRoughness": {"metalicFactor": 0, "baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"ofset": 1}}}}}],
+"nodes": [{"position": [1, 2, 3]}, {"position": [1, 2, 3], "extras": {"light": 1}, "extensions": {"EXT_a": {"b": {"c": 1}}}}]}"#;
+        let expected = "8 keys that glTF does not define are ignored";
+        let names = "`Name` in a material (did you mean `name`?), `baseColorFactor` in a material (a key of \
+                     `pbrMetallicRoughness`), `lights` in the file (a key of `KHR_lights_punctual`), `material` in the \
+                     file (did you mean `materials`?), `metalicFactor` in pbrMetallicRoughness (did you mean \
+                     `metallicFactor`?), `ofset` in KHR_texture_transform (did you mean `offset`?), `position` in a node";
+        assert_eq!(notes(json, true), [format!("{expected}: {names}")]);
+        assert_eq!(notes(json, false), [expected]);
+    }
+
+    #[test]
+    fn the_places_of_extensions_are_known() {
+        let json = r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"spot": {}}]}, "KHR_materials_ior": {}},
+"nodes": [{"extensions": {"KHR_lights_punctual": {"light": 0}}}],
+"materials": [{"extensions": {"KHR_materials_ior": {}, "KHR_materials_clearcoat":
+{"clearcoatTexture": {"extensions": {"KHR_texture_transform": {}}}}}, "normalTexture": {"extensions": {"KHR_texture_transform": {}}}}],
+"textures": [{"extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}]}"#;
+        let misplaced: Vec<_> = survey(json).unwrap().misplaced.into_iter().collect();
+        let at = |name: &str, place| (name.to_owned(), place);
+        assert_eq!(
+            misplaced,
+            [at("KHR_materials_ior", "the file"), at("KHR_texture_transform", "a texture")]
+        );
     }
 }

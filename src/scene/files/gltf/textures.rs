@@ -3,23 +3,27 @@
 
 use super::Parsed;
 use super::buffers::{Bytes, decoded, unescaped};
-use super::json;
 use super::materials::{emits, extension, least_alpha};
+use super::{fallbacks, json, quoted};
 use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage};
 use crate::scene::obj::{Reach, quoted_name};
 use crate::scene::{Mapped, Material, Wrap};
+use crate::words::first;
 use glam::{DAffine2, DVec2};
 use gltf::json::material::Material as Wire;
 use gltf::json::texture::{Info, MagFilter, MinFilter, Sampler, Texture, WrappingMode};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, image::Image};
 use std::borrow::Cow;
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 
 /// Texture coordinates with a larger absolute value are inexact. glTF stores coordinates in single precision,
 /// and beyond this value, neighbouring numbers differ by at least 1/2048 of the picture's side.
 const COARSE: f64 = 4096.0;
+
+/// Largest number of extensions that a note names.
+const MOST_LISTED: usize = 8;
 
 /// A material's base-colour texture, and how the file's texture coordinates become coordinates in the
 /// material's textures.
@@ -120,7 +124,7 @@ impl Files<'_> {
         let texture = self.root.get(info.index).ok_or("does not exist")?;
         let usage = Usage::mask(wrap(self.root, texture), least_alpha);
         let image = self.root.get(texture.source);
-        let image = image.ok_or("has no picture of a format that raycl reads")?;
+        let image = image.ok_or_else(|| missing(texture))?;
         let (transform, set) = transform(info);
         if !transform.as_affine2().is_finite() {
             return Err("has a transform that is not finite".to_owned());
@@ -158,6 +162,14 @@ impl Files<'_> {
             (None, None) => Err("has an image with neither a `uri` nor a `bufferView`".to_owned()),
         }
     }
+}
+
+/// Returns words on a texture without a picture that raycl could read.
+fn missing(texture: &Texture) -> String {
+    let names: Vec<_> = fallbacks::of_texture(texture).map(|name| quoted(name.as_bytes())).collect();
+    let only =
+        if names.is_empty() { String::new() } else { format!(" (only {})", first(&names, MOST_LISTED)) };
+    format!("has no picture of a format that raycl reads{only}")
 }
 
 /// Returns the name of a picture's file; `None` if the picture is not in a file of its own.
@@ -237,6 +249,13 @@ pub(super) fn texture_info(value: &serde_json::Value) -> Option<Info> {
     let mut value = value.clone();
     json::strip(&mut value);
     serde_json::from_value(value).ok()
+}
+
+/// Returns the indices of the colour textures and the emissive textures of the materials with the indices `used`.
+pub(super) fn used_by(root: &Root, used: &HashSet<usize>) -> BTreeSet<usize> {
+    let materials = used.iter().filter_map(|index| root.materials.get(*index));
+    let infos = materials.flat_map(|wire| [colour_texture(wire), emissive_texture(root, wire)]);
+    infos.flatten().map(|info| info.index.value()).collect()
 }
 
 /// Returns the texture of a material's emitted light; `None` if there is none, if the material emits no light, or if

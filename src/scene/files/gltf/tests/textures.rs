@@ -423,3 +423,32 @@ fn emitted_light_is_the_factor_times_its_strength_and_its_texture() {
     assert_eq!(bright.0, [1.0, 0.0, 0.0]);
     assert!(bright.3.contains("a colour outside 0 to 1 (emissiveFactor)"), "{}", bright.3);
 }
+
+#[test]
+fn fallbacks_and_missing_pictures_are_noted_with_the_extensions_of_their_textures() {
+    let material = |texture: u32| {
+        let texture = format!(r#""baseColorTexture": {{"index": {texture}}}"#);
+        format!(r#"{{"pbrMetallicRoughness": {{"metallicFactor": 0, {texture}}}}}"#)
+    };
+    let webp = r#""extensions": {"EXT_texture_webp": {"source": 0}, "EXT_odd": {}}"#;
+    let text = textured(&format!("{}, {}", material(0), material(1))).replace(
+        r#""textures": [{"source": 0}]"#,
+        &format!(
+            r#""extensionsUsed": ["EXT_texture_webp"], "textures": [{{"source": 0, {webp}}}, {{{webp}}}]"#
+        ),
+    );
+    let read_with = |text: &str, number: u32| {
+        let file = read(&text.replace(r#""material": 0"#, &format!("\"material\": {number}"))).unwrap();
+        (file.mesh.textures.list.len(), file.notes)
+    };
+    let odd = "unsupported extensions are ignored: `EXT_odd`".to_owned();
+    let note = "1 texture uses its fallback picture instead of `EXT_texture_webp`".to_owned();
+    assert_eq!(read_with(&text, 0), (1, vec![note, odd.clone()]));
+    let note = "texture 1 has no picture of a format that raycl reads (only `EXT_texture_webp`): its material's own \
+                colour is used";
+    assert_eq!(read_with(&text, 1), (0, vec![note.to_owned(), odd]));
+    // The extension of a texture that raycl does not use is named as every other extension.
+    let plain = text.replace("baseColorTexture", "metallicRoughnessTexture");
+    let note = "unsupported extensions are ignored: `EXT_odd`, `EXT_texture_webp`".to_owned();
+    assert!(read_with(&plain, 0).1.contains(&note), "{:?}", read_with(&plain, 0).1);
+}
