@@ -12,7 +12,7 @@ mod tests;
 use super::coarse::is_coarse;
 use super::document::Document;
 use super::enclosed::encloses;
-use super::files::{FileLight, MeshFile};
+use super::files::{self, FileLight, MeshFile};
 use super::frame_cache::FrameCache;
 use super::framing::Ball;
 use super::setting::error_in;
@@ -68,6 +68,9 @@ pub(super) fn assemble(
     wire.set_origin(origin);
     if document.bare && mesh.is_emissive() {
         notes.push("surfaces that emit light do not light other surfaces".to_owned());
+    }
+    if document.bare && wire.light.is_none() && !seen.lights.is_empty() {
+        notes.push(files::note_lights(&seen.lights, mesh.is_emissive()));
     }
     let framed = document.bare || wire.camera.is_framed();
     let around = (framed || shot.turns).then(|| Ball::around(&mesh, wire.camera.upright()));

@@ -177,6 +177,12 @@ fn a_file_of_several_cameras_is_noted_only_if_one_of_them_is_used() {
     let at = r#""extensions": {"KHR_lights_punctual": {"light": 0}}"#;
     std::fs::write(&path, SEEN.replacen('{', light, 1).replace(r#""camera": 0"#, at)).unwrap();
     assert!(notes(&scene, &[]).contains(&unused), "{:?}", notes(&scene, &[]));
+    let ratios = "the file's lights keep only the ratios of their intensities";
+    assert_eq!(notes(&path, &[]), [ratios]);
+    let position = Value::Array([1, 3, 1].map(Value::Integer).to_vec());
+    let light = [("position", position), ("power", Value::Integer(10))];
+    let light = light.map(|(key, value)| (format!("light.0.{key}"), value));
+    assert_eq!(notes(&path, &light), [""; 0]);
     // A second object has the same mesh.
     std::fs::write(&scene, format!("{text}[[object]]\nmesh = \"a.gltf\"\n")).unwrap();
     assert_eq!(notes(&scene, &[]).iter().filter(|note| **note == unused).count(), 1);

@@ -94,6 +94,20 @@ pub(in crate::scene) fn of_file(
     placed.into_iter().map(light).collect()
 }
 
+/// Returns a note on how lights of a mesh's file differ in the picture. `is_emissive` is true if surfaces of the mesh
+/// emit light.
+pub(in crate::scene) fn note(lights: &[FileLight], is_emissive: bool) -> String {
+    let ratios = "the file's lights keep only the ratios of their intensities";
+    let distant = lights.iter().filter(|light| matches!(light.source, Source::Direction(_))).count();
+    let distant = match distant {
+        0 => String::new(),
+        1 => "; 1 directional light is shown as a distant point light".to_owned(),
+        _ => format!("; {distant} directional lights are shown as distant point lights"),
+    };
+    let emitted = if is_emissive { "; emitted light does not change with them" } else { "" };
+    format!("{ratios}{distant}{emitted}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -145,5 +159,19 @@ mod tests {
     fn a_directional_light_without_a_direction_shines_downwards() {
         let [without, down] = [DVec3::ZERO, DVec3::NEG_Y].map(|to| FileLight::direction(to, DVec3::ONE));
         assert_eq!(without, down);
+    }
+
+    #[test]
+    fn a_note_says_what_is_not_shown_of_a_files_lights() {
+        let [point, sun] =
+            [FileLight::point(DVec3::X, DVec3::ONE), FileLight::direction(DVec3::X, DVec3::ONE)];
+        let ratios = "the file's lights keep only the ratios of their intensities";
+        assert_eq!(note(&[point], false), ratios);
+        let expected = format!(
+            "{ratios}; 1 directional light is shown as a distant point light; emitted light does not change with them"
+        );
+        assert_eq!(note(&[sun, point], true), expected);
+        let expected = format!("{ratios}; 2 directional lights are shown as distant point lights");
+        assert_eq!(note(&[sun, sun], false), expected);
     }
 }

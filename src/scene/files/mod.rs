@@ -24,7 +24,7 @@ use glam::{DVec3, Vec3};
 use std::path::Path;
 
 pub(in crate::scene) use colours::{is_outside, linear, note_clear, note_outside, paint};
-pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
+pub(in crate::scene) use lights::{FileLight, note as note_lights, of_file as lights_of_file};
 pub(in crate::scene) use origin::{Placement, is_valid, placement_of};
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_for};
 

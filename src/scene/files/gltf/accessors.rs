@@ -2,10 +2,12 @@
 
 use super::Parsed;
 use super::buffers::Bytes;
+use super::left_out::notes_on;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::buffer::View;
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
+use std::collections::HashSet;
 
 /// Largest number of elements of an accessor (in glTF, a list of numbers or vectors in a buffer). No scene
 /// that raycl supports needs so many elements.
@@ -178,6 +180,20 @@ impl<'a> Numbers<'a> {
         Ok(vec![[0.0; N]; count])
     }
 
+    /// Returns true if an accessor replaces one of its elements twice. The result is false if the indices of the replaced
+    /// elements cannot be read.
+    fn replaces_twice(&self, accessor: &Accessor) -> bool {
+        let Some(sparse) = &accessor.sparse else { return false };
+        let Checked::Valid(component) = sparse.indices.component_type else { return false };
+        let offset = sparse.indices.byte_offset.0;
+        let view = self.strided_view(sparse.indices.buffer_view, offset, component.0, 1, false);
+        let mut known = HashSet::new();
+        view.is_ok_and(|view| {
+            let indices = (0..sparse.count.0 as usize).map_while(|number| view.element::<1>(number));
+            indices.into_iter().any(|[index]| !known.insert(index as u64))
+        })
+    }
+
     fn replace_sparse<const N: usize>(
         &self,
         accessor: &Accessor,
@@ -225,6 +241,13 @@ impl<'a> Numbers<'a> {
         }
         Ok(StridedView { bytes: &buffer[range], stride, component, normalised })
     }
+}
+
+/// Returns a note on accessors that replace one of their elements twice.
+pub(super) fn notes(numbers: Numbers<'_>) -> impl Iterator<Item = String> {
+    let twice = numbers.root.accessors.iter().filter(|accessor| numbers.replaces_twice(accessor));
+    let what = "sparse accessor with an index that occurs twice";
+    notes_on([(twice.count(), what, "read with the last of the index's values")])
 }
 
 /// Returns a function that puts the name of an accessor before a message about it.

@@ -63,8 +63,16 @@ pub(super) fn notes(
         let stated = root.get(view.buffer).map(|buffer| buffer.byte_length.0);
         bytes.zip(stated).is_some_and(|(bytes, stated)| end > bytes.min(stated))
     };
+    // Up to three bytes are padding.
+    let is_longer =
+        |buffer: &Buffer| buffer.uri.is_none() && binary as u64 > buffer.byte_length.0.saturating_add(3);
     let is_unused = binary > 0 && root.buffers.first().is_none_or(|buffer| buffer.uri.is_some());
-    let counts: [Counted; 3] = [
+    let counts: [Counted; 4] = [
+        (
+            usize::from(root.buffers.first().is_some_and(is_longer)),
+            "BIN chunk with more bytes than its buffer's byteLength states",
+            "read without the further bytes",
+        ),
         (
             root.buffers.iter().zip(buffers).filter(is_short).count(),
             "buffer with fewer bytes than byteLength states",

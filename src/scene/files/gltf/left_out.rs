@@ -66,6 +66,11 @@ pub(super) struct LeftOut {
     pub odd_modes: usize,
     /// The number of primitives of triangles without positions.
     pub unpositioned: usize,
+    /// The number of primitives of triangles with an empty list of indices, or without indices and with an empty list of
+    /// positions.
+    pub cornerless: usize,
+    /// The number of meshes without primitives.
+    pub partless: usize,
     /// The accessors that store nothing.
     pub empty: BTreeSet<usize>,
     /// The number of primitives whose indices are normalised.
@@ -192,13 +197,15 @@ impl LeftOut {
     }
 
     /// Returns the counts of primitives (parts of meshes), and of their triangles and accessors.
-    fn primitives(&self) -> [Counted; 11] {
+    fn primitives(&self) -> [Counted; 13] {
         [
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
             (self.lines_and_points, "primitive of lines or points", "left out"),
             (self.odd_modes, "primitive of an unknown mode", "left out"),
             (self.unpositioned, "primitive of triangles without positions", "left out"),
+            (self.cornerless, "primitive of triangles without corners", "left out"),
+            (self.partless, "mesh without primitives", "left out"),
             (self.empty.len(), "accessor without data", "read as zeros"),
             (self.normalised, "primitive with normalised indices", "shown as if they were not normalised"),
             (self.dangling, "triangle with a position that does not exist", "left out"),

@@ -75,6 +75,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     file.notes.extend(survey.notes(quotes));
     file.notes.extend(extensions::notes(&root, &survey, &fallbacks, quotes));
     file.notes.extend(json::note_version(&root, quotes));
+    file.notes.extend(accessors::notes(numbers));
     file.notes.extend(buffers::notes(&root, &buffers, binary_bytes));
     file.notes.extend(container::notes(bytes));
     Ok(file)

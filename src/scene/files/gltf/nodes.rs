@@ -17,13 +17,12 @@ use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
 use crate::scene::obj::{finite, unmapped};
 use crate::scene::shapes::MAX_TRIANGLES;
-use crate::scene::{Camera, Mapped, Texture, Textures};
+use crate::scene::{Mapped, Texture, Textures};
 use glam::{DMat3, DMat4, DVec3, Vec3};
-use gltf::json::camera::Perspective;
 use gltf::json::mesh::Mesh as GltfMesh;
 use gltf::json::scene::Node;
 use gltf::json::{Index, Root, skin};
-use seen::light_of;
+use seen::{FileCamera, light_of};
 use std::collections::{HashMap, HashSet};
 
 /// The data that were read from the scene's nodes so far. Positions are in the scene's coordinates, in double
@@ -52,9 +51,7 @@ pub(super) struct Walk<'a> {
     /// The index of the first triangle of each node that has a mesh. If no node has a mesh, the list has the
     /// index of the first triangle of each mesh.
     starts: Vec<u32>,
-    /// For each perspective camera: its position in double precision, the camera moved to the origin, and the file's
-    /// values.
-    cameras: Vec<(DVec3, Camera, &'a Perspective)>,
+    cameras: Vec<FileCamera<'a>>,
     lights: Vec<FileLight>,
     /// The meshes whose parts were counted, and the pairs of a mesh and a skin. Each counts once, even if many nodes
     /// place it.
@@ -149,6 +146,7 @@ impl<'a> Walk<'a> {
         let is_new = self.counted.insert((index.value(), None));
         let is_new_with_skin =
             skin.is_some_and(|skin| self.counted.insert((index.value(), Some(skin.value()))));
+        self.left_out.partless += usize::from(is_new && mesh.primitives.is_empty());
         for primitive in &mesh.primitives {
             let has_targets = primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty());
             self.left_out.targets += usize::from(is_new && has_targets);
@@ -169,6 +167,7 @@ impl<'a> Walk<'a> {
                     if is_new {
                         self.left_out.clear_colours += usize::from(is_clear);
                         self.outside += part.outside;
+                        self.left_out.cornerless += usize::from(part.has_no_corners());
                         self.left_out.add(&part);
                     }
                     if is_new_with_skin {
@@ -267,8 +266,8 @@ impl<'a> Walk<'a> {
         notes.extend((!self.unmapped.is_empty()).then(|| unmapped(self.unmapped.len(), dark)));
         notes.extend(self.left_out.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
-        let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
-        let camera_aspect = self.cameras.first().and_then(|(.., lens)| lens.aspect_ratio);
+        let camera = self.cameras.first().map(|camera| camera.placed_by(&placement));
+        let camera_aspect = self.cameras.first().and_then(|camera| camera.lens.aspect_ratio);
         let lights = self.lights.into_iter().map(|light| light.placed_by(&placement)).collect();
         let more_starts = self.starts.into_iter().skip(1).collect();
         Ok(MeshFile {

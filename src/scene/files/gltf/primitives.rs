@@ -183,6 +183,11 @@ impl Part {
         if part.normals.is_empty() { part.flat() } else { part }
     }
 
+    /// Returns true if the primitive has no corners, so that it has no triangles either.
+    pub fn has_no_corners(&self) -> bool {
+        self.triangles.is_empty() && self.dangling == 0 && self.spare == 0
+    }
+
     /// Returns upper limits of the sizes of a primitive, without reading its buffers.
     pub fn largest(numbers: &Numbers<'_>, primitive: &Primitive) -> Sizes {
         let used = Used::of(primitive, Some(0), true);

@@ -7,13 +7,31 @@ use crate::scene::mesh::{Triangle, are_apart};
 use crate::scene::{Camera, validate};
 use glam::{DMat4, DVec3, Vec3};
 use gltf::json::Index;
-use gltf::json::camera::Type;
+use gltf::json::camera::{Perspective, Type};
 use gltf::json::extensions::scene::khr_lights_punctual as punctual;
 use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 
+/// A perspective camera of the file.
+pub(super) struct FileCamera<'a> {
+    position: DVec3,
+    /// The camera, moved to the origin.
+    camera: Camera,
+    /// The file's values.
+    pub lens: &'a Perspective,
+    /// True if the axes of the camera's node are not perpendicular in the scene.
+    is_skewed: bool,
+}
+
+impl FileCamera<'_> {
+    pub fn placed_by(&self, placement: &Placement) -> Camera {
+        placement.camera(self.position, &self.camera)
+    }
+}
+
 impl Walk<'_> {
-    /// Adds the camera of a node. The camera looks along the node's -z axis. A camera that is not a perspective camera,
+    /// Adds the camera of a node. The camera looks along the node's -z axis. The node's scale has no effect (glTF 2.0,
+    /// 3.10.2), so it does not change the camera's znear either. A camera that is not a perspective camera,
     /// or whose directions the node's transform makes zero or parallel, is counted but not added. A camera with an
     /// impossible field of view is counted, and gets a field of view of 45 degrees. A camera with an impossible znear is
     /// counted, and gets a znear of 0.
@@ -40,7 +58,9 @@ impl Walk<'_> {
         let is_odd_near = !lens.znear.is_finite() || lens.znear < 0.0;
         self.left_out.odd_nears += usize::from(is_odd_near && looking.is_some());
         let z_near = if is_odd_near { 0.0 } else { lens.znear };
-        self.cameras.extend(looking.map(|looking| (position, Camera { z_near, ..looking }, lens)));
+        let is_skewed = is_skewed(&transform);
+        let camera = |looking| FileCamera { position, camera: Camera { z_near, ..looking }, lens, is_skewed };
+        self.cameras.extend(looking.map(camera));
         Ok(())
     }
 
@@ -89,7 +109,7 @@ impl Walk<'_> {
     /// raycl's limits. If the result is false, the mesh is not scaled. If scaling moves a camera beyond
     /// the limits, the camera is at least 1e11 radii of the mesh away, so the mesh covers less than a pixel.
     pub(super) fn seen_fits(&self, placement: &Placement) -> bool {
-        let camera = self.cameras.first().map(|(position, camera, _)| placement.camera(*position, camera));
+        let camera = self.cameras.first().map(|camera| camera.placed_by(placement));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())
             && self.lights.iter().all(|light| light.placed_by(placement).is_valid())
     }
@@ -99,7 +119,9 @@ impl Walk<'_> {
         let mut notes = Vec::new();
         let cameras = self.cameras.len();
         notes.extend((cameras > 1).then(|| format!("of {cameras} cameras, the first is used")));
-        if let Some((eye, camera, lens)) = self.cameras.first() {
+        if let Some(FileCamera { position: eye, camera, lens, is_skewed }) = self.cameras.first() {
+            let skewed = "the camera's transform has a skew, which the picture does not show";
+            notes.extend(is_skewed.then(|| skewed.to_owned()));
             let depth = |position: &DVec3| (*position - *eye).dot(camera.forward.as_dvec3());
             let corners =
                 |triangle: &Triangle| triangle.positions.map(|index| self.positions[index as usize]);
@@ -113,6 +135,12 @@ impl Walk<'_> {
         }
         notes
     }
+}
+
+/// Returns true if a transform makes axes that are perpendicular not perpendicular.
+fn is_skewed(transform: &DMat4) -> bool {
+    let [x, y, z] = DVec3::AXES.map(|axis| transform.transform_vector3(axis).normalize_or_zero());
+    [x.dot(y), y.dot(z), z.dot(x)].iter().any(|cosine| cosine.abs() > 1e-3)
 }
 
 /// Returns the index of a node's light; `None` if the node has none.

@@ -198,3 +198,87 @@ fn meshes_outside_the_shown_scene_and_meshes_without_a_node_are_noted() {
     let nowhere = triangle().replace(mesh, &format!("{mesh}, {mesh}, {mesh}"));
     assert_noted(&nowhere, &["2 meshes that no node names are left out"]);
 }
+
+#[test]
+fn primitives_without_corners_and_meshes_without_primitives_are_noted() {
+    let note = "1 primitive of triangles without corners is left out";
+    let empty = r#""indices": 2}]}, {"primitives": [{"attributes": {"POSITION": 0}, "indices": 1"#;
+    let list = r#""type": "SCALAR"}, {"bufferView": 1, "componentType": 5123, "count": 0, "type": "SCALAR"}"#;
+    let text = triangle().replace(r#""indices": 1"#, empty).replace(r#""type": "SCALAR"}"#, list);
+    let both = |text: &str| {
+        let text = text.replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#);
+        text.replace("[0, 0, 5]}", "[0, 0, 5]}, {\"mesh\": 1}")
+    };
+    assert_noted(&both(&text), &[note]);
+    let text = triangle().replace(r#""meshes": ["#, r#""meshes": [{"primitives": []}, "#);
+    assert_noted(&both(&text), &["1 mesh without primitives is left out"]);
+}
+
+#[test]
+fn a_sparse_accessor_that_replaces_an_element_twice_is_noted() {
+    let sparse = |view: &str| {
+        format!(
+            r#""sparse": {{"count": 2, "indices": {{"bufferView": {view}, "componentType": 5123}}, "values": {{"bufferView": 0}}}},
+"count": 3, "type": "VEC3""#
+        )
+    };
+    let text = |indices: [u16; 2]| {
+        let data = [bytes(), vec![0, 0], indices.map(u16::to_le_bytes).concat()].concat();
+        let view = r#"{"buffer": 0, "byteOffset": 36, "byteLength": 6}"#;
+        triangle()
+            .replace(&STANDARD.encode(bytes()), &STANDARD.encode(data))
+            .replace(r#""byteLength": 42"#, r#""byteLength": 48"#)
+            .replace(view, &format!(r#"{view}, {{"buffer": 0, "byteOffset": 44, "byteLength": 4}}"#))
+            .replace(r#""count": 3, "type": "VEC3""#, &sparse("2"))
+    };
+    assert_noted(&text([0, 2]), &[]);
+    let note =
+        "1 sparse accessor with an index that occurs twice is read with the last of the index's values";
+    assert_noted(&text([2, 2]), &[note]);
+}
+
+#[test]
+fn a_binary_part_that_is_longer_than_its_buffer_is_noted() {
+    let notes = |length: usize| {
+        let mut binary = bytes();
+        binary.resize(length, 0);
+        parse_binary(&[(b"BIN\0", &binary)]).unwrap().notes
+    };
+    assert_eq!(notes(45), [""; 0]);
+    let note =
+        "1 BIN chunk with more bytes than its buffer's byteLength states is read without the further bytes";
+    assert_eq!(notes(46), [note]);
+}
+
+/// As the standard requires, a scale has no effect on a camera.
+#[test]
+fn a_camera_with_a_skewed_transform_is_noted() {
+    let camera = r#""cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]"#;
+    let notes = |transform: &str| {
+        let notes = with_node(camera, &format!(r#""camera": 0, {transform}"#)).camera_notes;
+        notes.iter().any(|note| note == "the camera's transform has a skew, which the picture does not show")
+    };
+    assert!(!notes(r#""scale": [-3, 1, 0.1], "rotation": [0.5, 0.5, 0.5, 0.5]"#));
+    assert!(notes(r#""matrix": [1,0,0,0, 0.1,1,0,0, 0,0,1,0, 0,0,0,1]"#));
+}
+
+#[test]
+fn required_extensions_that_no_part_has_are_named() {
+    let required = |names: &str| {
+        let keys = format!("{{\"extensionsUsed\": [{names}], \"extensionsRequired\": [{names}], ");
+        read(&triangle().replacen('{', &keys, 1)).unwrap().notes
+    };
+    assert_eq!(required(r#""KHR_texture_transform", "KHR_materials_emissive_strength""#), [""; 0]);
+    let note = "the file requires extensions that raycl does not support, so the picture may be wrong: \
+                `KHR_materials_foo`, `EXT_texture_webp`";
+    assert_eq!(required(r#""KHR_materials_foo", "EXT_texture_webp""#), [note]);
+}
+
+#[test]
+fn extensions_in_places_where_they_have_no_meaning_are_noted() {
+    let place = r#""indices": 1, "extensions": {"KHR_materials_unlit": {}, "KHR_texture_transform": {}}"#;
+    let text = triangle().replace(r#""indices": 1"#, place);
+    let note = "extensions in places where they have no meaning are ignored: `KHR_materials_unlit` in a primitive, \
+                `KHR_texture_transform` in a primitive";
+    assert_noted(&text, &[note]);
+}
