@@ -180,8 +180,8 @@ impl<'a> Numbers<'a> {
         Ok(vec![[0.0; N]; count])
     }
 
-    /// Returns true if an accessor replaces one of its elements twice. The result is false if the indices of the replaced
-    /// elements cannot be read.
+    /// Returns true if an accessor replaces one of its elements twice. The result is false if the indices of the
+    /// replaced elements cannot be read.
     fn replaces_twice(&self, accessor: &Accessor) -> bool {
         let Some(sparse) = &accessor.sparse else { return false };
         let Checked::Valid(component) = sparse.indices.component_type else { return false };

@@ -33,7 +33,8 @@ const MOST_LISTED: usize = 8;
 /// The extension that stores the vertices and triangles of a primitive (a part of a mesh) in compressed form.
 const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// Returns true if raycl supports an extension, or if another module writes a note on each part of the file that has it.
+/// Returns true if raycl supports an extension, or if another module writes a note on each part of the file that has
+/// it.
 fn is_known(extension: &str, fallbacks: &Fallbacks<'_>) -> bool {
     let is_of_material = extension.starts_with(OF_MATERIALS) && extension != VARIANTS;
     SUPPORTED.contains(&extension) || is_of_material || fallbacks.are_noted(extension)
@@ -71,9 +72,10 @@ fn is_compressed(root: &Root, primitive: &Primitive) -> bool {
     compressed && positions.is_none_or(|index| is_empty(root, *index))
 }
 
-/// Returns notes on unsupported extensions, except those on which other modules write notes, and on supported extensions
-/// in places where raycl does not read them. The notes concern the extensions that the file lists, and those that a part
-/// of the file has without being listed. The notes contain the names of the extensions only if `quotes` is true.
+/// Returns notes on unsupported extensions, except those on which other modules write notes, and on supported
+/// extensions in places where raycl does not read them. The notes concern the extensions that the file lists, and
+/// those that a part of the file has without being listed. The notes contain the names of the extensions only if
+/// `quotes` is true.
 pub(super) fn notes(
     root: &Root,
     survey: &Survey,

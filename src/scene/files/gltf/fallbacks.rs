@@ -12,9 +12,17 @@ use std::collections::{BTreeMap, HashSet};
 const MOST_LISTED: usize = 8;
 
 /// Returns the names of the extensions that give a texture another picture.
-pub(super) fn of_texture(texture: &Texture) -> impl Iterator<Item = &str> {
+fn of_texture(texture: &Texture) -> impl Iterator<Item = &str> {
     let others = texture.extensions.iter().flat_map(|extensions| &extensions.others);
     others.filter(|(_, value)| value.get("source").is_some()).map(|(name, _)| name.as_str())
+}
+
+/// Returns words on a texture without a picture that raycl could read.
+pub(super) fn missing(texture: &Texture) -> String {
+    let names: Vec<_> = of_texture(texture).map(|name| quoted(name.as_bytes())).collect();
+    let only =
+        if names.is_empty() { String::new() } else { format!(" (only {})", first(&names, MOST_LISTED)) };
+    format!("has no picture of a format that raycl reads{only}")
 }
 
 /// The other pictures of the textures that raycl uses.

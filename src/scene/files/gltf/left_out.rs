@@ -66,8 +66,8 @@ pub(super) struct LeftOut {
     pub odd_modes: usize,
     /// The number of primitives of triangles without positions.
     pub unpositioned: usize,
-    /// The number of primitives of triangles with an empty list of indices, or without indices and with an empty list of
-    /// positions.
+    /// The number of primitives of triangles with an empty list of indices, or without indices and with an empty list
+    /// of positions.
     pub cornerless: usize,
     /// The number of meshes without primitives.
     pub partless: usize,

@@ -1,6 +1,6 @@
-//! Looks through the JSON of a glTF file for things that the crate `gltf-json` does not report: keys that occur twice in
-//! an object, the names of the extensions that parts of the file have, and keys and names of attributes that glTF does not
-//! define.
+//! Looks through the JSON of a glTF file for things that the crate `gltf-json` does not report: keys that occur twice
+//! in an object, the names of the extensions that parts of the file have, and keys and names of attributes that glTF
+//! does not define.
 
 use super::kinds::{self, Kind};
 use super::{Flaw, Named, Result, quoted};
@@ -29,11 +29,11 @@ const SKIPPED: [&str; 9] =
 pub(super) struct Survey {
     /// The names of the extensions that parts of the file have.
     pub extensions: BTreeSet<String>,
-    /// The names of the extensions in objects of kinds to which they do not belong (see [`Kind::takes`]), with the names
-    /// of these kinds.
+    /// The names of the extensions in objects of kinds to which they do not belong (see [`Kind::takes`]), with the
+    /// names of these kinds.
     pub misplaced: BTreeSet<(String, &'static str)>,
-    /// The keys that glTF does not define, each with its place and perhaps the key that is meant, in words, and with the
-    /// number of objects that have it.
+    /// The keys that glTF does not define, each with its place and perhaps the key that is meant, in words, and with
+    /// the number of objects that have it.
     unknown: BTreeMap<String, usize>,
     /// The names of attributes that glTF does not define, with the number of primitives that have them. Names that
     /// begin with `_` are left out, because applications may choose such names.

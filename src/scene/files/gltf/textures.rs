@@ -4,12 +4,11 @@
 use super::Parsed;
 use super::buffers::{Bytes, decoded, unescaped};
 use super::materials::{emits, extension, least_alpha};
-use super::{fallbacks, json, quoted};
+use super::{fallbacks, json};
 use crate::scene::few_notes::FewNotes;
 use crate::scene::files::{Pictures, Usage};
 use crate::scene::obj::{Reach, quoted_name};
 use crate::scene::{Mapped, Material, Wrap};
-use crate::words::first;
 use glam::{DAffine2, DVec2};
 use gltf::json::material::Material as Wire;
 use gltf::json::texture::{Info, MagFilter, MinFilter, Sampler, Texture, WrappingMode};
@@ -21,9 +20,6 @@ use std::collections::{BTreeSet, HashSet};
 /// Texture coordinates with a larger absolute value are inexact. glTF stores coordinates in single precision,
 /// and beyond this value, neighbouring numbers differ by at least 1/2048 of the picture's side.
 const COARSE: f64 = 4096.0;
-
-/// Largest number of extensions that a note names.
-const MOST_LISTED: usize = 8;
 
 /// A material's base-colour texture, and how the file's texture coordinates become coordinates in the
 /// material's textures.
@@ -124,7 +120,7 @@ impl Files<'_> {
         let texture = self.root.get(info.index).ok_or("does not exist")?;
         let usage = Usage::mask(wrap(self.root, texture), least_alpha);
         let image = self.root.get(texture.source);
-        let image = image.ok_or_else(|| missing(texture))?;
+        let image = image.ok_or_else(|| fallbacks::missing(texture))?;
         let (transform, set) = transform(info);
         if !transform.as_affine2().is_finite() {
             return Err("has a transform that is not finite".to_owned());
@@ -162,14 +158,6 @@ impl Files<'_> {
             (None, None) => Err("has an image with neither a `uri` nor a `bufferView`".to_owned()),
         }
     }
-}
-
-/// Returns words on a texture without a picture that raycl could read.
-fn missing(texture: &Texture) -> String {
-    let names: Vec<_> = fallbacks::of_texture(texture).map(|name| quoted(name.as_bytes())).collect();
-    let only =
-        if names.is_empty() { String::new() } else { format!(" (only {})", first(&names, MOST_LISTED)) };
-    format!("has no picture of a format that raycl reads{only}")
 }
 
 /// Returns the name of a picture's file; `None` if the picture is not in a file of its own.
