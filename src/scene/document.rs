@@ -3,7 +3,7 @@
 use super::setting::{Changed, Origin, Setting, TrackValue, error_in};
 use super::{INPUTS, files, overrides};
 use crate::error::{Error, Result, line_of, shortened};
-use crate::filetype::{MeshFormat, Opened, Wanted, is_standard_input, may_be_scene, unpacked_name};
+use crate::filetype::{Opened, Wanted, is_standard_input, may_be_scene, unpacked_name};
 use crate::reader::{self, Kind, NotUtf8};
 use crate::toml_error::{expectation, mistake};
 use crate::words::{path_word, quote};
@@ -97,11 +97,7 @@ impl Document {
     /// is read.
     pub fn unexpected_ending(&self, path: &Path) -> Option<String> {
         let held = self.held.borrow().as_ref().and_then(|(_, opened)| files::format(opened, path));
-        let usual = held == MeshFormat::from_ending(path) || unpacked_name(path).extension().is_none();
-        let held = held.map_or("a scene (TOML)", MeshFormat::name);
-        (!usual).then(|| {
-            format!("{}: read as {held}, because of its contents and despite its name", path.display())
-        })
+        files::unexpected_ending(held, path).map(|note| format!("{}: {note}", path.display()))
     }
 
     /// Opens a file named in this document. A bare mesh is already open, so its open file is returned.
@@ -140,6 +136,11 @@ impl Document {
         let file = self.name.clone();
         self.changed = Some(Changed { settings: settings.to_vec(), tracks: Vec::new(), file, original });
         Ok(())
+    }
+
+    /// Returns true if tracks of an animation have set values in the text.
+    pub fn is_animated(&self) -> bool {
+        self.changed.as_ref().is_some_and(|changed| !changed.tracks.is_empty())
     }
 
     /// Returns the text of the file, without the values that options, a config or tracks have set.

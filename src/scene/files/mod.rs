@@ -15,7 +15,7 @@ mod unused_parts;
 use super::obj::{self, Permitted, Reach};
 use super::{Camera, Mesh, Triangle};
 use crate::error::{Error, Result};
-use crate::filetype::{FileType, MeshFormat, Opened};
+use crate::filetype::{FileType, MeshFormat, Opened, unpacked_name};
 use crate::memory::Available;
 use crate::reader::Kind;
 use crate::words::{counted, counted_are};
@@ -99,6 +99,14 @@ pub(in crate::scene) fn format(opened: &Opened, path: &Path) -> Option<MeshForma
     }
 }
 
+/// Returns a note if the format of a file's contents, `format`, differs from the format that the file's extension stands
+/// for. `None` stands for a scene file. A file without an extension has no note.
+pub(in crate::scene) fn unexpected_ending(format: Option<MeshFormat>, path: &Path) -> Option<String> {
+    let usual = format == MeshFormat::from_ending(path) || unpacked_name(path).extension().is_none();
+    let format = format.map_or("a scene (TOML)", MeshFormat::name);
+    (!usual).then(|| format!("read as {format}, because of its contents and despite its name"))
+}
+
 /// Reads a mesh and the files that it names. The named files must be in the mesh's folder, unless files elsewhere are
 /// permitted. Equal positions may be joined ([`joined`]). Adds notes if normals are zero, and if no triangle has an
 /// area. Returns an error if the mesh has no triangles, or if reading it needs more memory than is available.
@@ -155,6 +163,18 @@ pub(in crate::scene) fn note_normals(mesh: &Mesh) -> Option<String> {
     let triangles = counted_are(count, "triangle with a normal that is zero or not finite");
     let note = || format!("{triangles} changed: each such normal becomes the normal of its triangle's plane");
     (count > 0).then(note)
+}
+
+/// Returns a note if most vertices of a mesh are corners of no triangle, as in a cloud of points of which a part has
+/// faces. `invalid` is the number of vertices that are not valid; these do not count. If most vertices are corners, a
+/// mesh usually has fewer vertices than triangles. In this case, the function takes no time.
+pub(in crate::scene) fn note_points(mesh: &Mesh, invalid: usize) -> Option<String> {
+    if mesh.positions.len() <= mesh.triangles.len() {
+        return None;
+    }
+    let used = mesh.positions_of_triangles().into_iter().filter(|is_used| *is_used).count();
+    let unused = mesh.positions.len().saturating_sub(used + invalid);
+    (unused > used).then(|| format!("{} not drawn", counted_are(unused, "vertex that no face uses")))
 }
 
 /// Returns true if a triangle has an area and is not almost a line.

@@ -11,6 +11,7 @@ mod unread;
 use super::MeshFile;
 use super::colours;
 use super::flaw::{Flaw, Named};
+use super::note_points;
 use super::origin::{is_valid, placement_of, settle};
 use crate::error::Result;
 use crate::memory::Available;
@@ -47,6 +48,9 @@ const MAX_COLOURS: u64 = 1 << 24;
 /// The words for the elements that are left out, in a note. If a header defines several types of elements
 /// with the same name, only the elements of the first of these types are used.
 const OTHERS: &str = "elements other than `vertex`, `face` and `tristrips`, and second definitions of these,";
+
+/// The first words, in lower case, of comments with the name of a texture or an MTL file.
+const TEXTURE_KEYS: [&str; 4] = ["texturefile", "texture_file", "texture", "material"];
 
 /// Reads a PLY file from its bytes.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
@@ -267,7 +271,8 @@ impl Parts {
         Ok(())
     }
 
-    fn mesh(self, quotes: bool, header: &Header) -> std::result::Result<MeshFile, Flaw> {
+    fn mesh(mut self, quotes: bool, header: &Header) -> std::result::Result<MeshFile, Flaw> {
+        let mut notes: Vec<String> = self.check_range(header).into_iter().collect();
         let positions: Vec<DVec3> = self.vertices.iter().map(|vertex| vertex.position).collect();
         let with_normals = has(header, "vertex", NORMAL);
         let Triangles { list, colours, short } = self.triangles(&positions, with_normals)?;
@@ -279,7 +284,6 @@ impl Parts {
             // Normals that are not finite become zero; zero normals are replaced later.
             mesh.normals.iter_mut().filter(|normal| !normal.is_finite()).for_each(|n| *n = Vec3::ZERO);
         }
-        let mut notes = Vec::new();
         if !mesh.triangles.is_empty() {
             self.paint(&mut mesh, header, colours, &mut notes);
         }
@@ -290,8 +294,20 @@ impl Parts {
             notes.extend(colours::note_clear(clear, element));
         }
         notes.extend(self.notes(quotes, header, short));
-        notes.extend(note_invalid(&positions));
+        let invalid = positions.iter().filter(|position| !is_valid(position)).count();
+        notes.extend(note_invalid(invalid));
+        notes.extend(note_points(&mesh, invalid));
         Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
+    }
+
+    /// Checks the range of the colours of vertices or, if vertices have no colours, of faces ([`colour::check_range`]).
+    fn check_range(&mut self, header: &Header) -> Option<String> {
+        let of_faces = use_face_colours(header);
+        let element = header.elements.get(if of_faces { "face" } else { "vertex" })?;
+        colour::check_range(element, move || match of_faces {
+            true => self.face_colours.iter_mut().collect(),
+            false => self.vertices.iter_mut().map(|vertex| &mut vertex.colour).collect(),
+        })
     }
 
     /// Divides faces and strips into triangles.
@@ -353,9 +369,10 @@ impl Parts {
         let mut notes: Vec<String> = note_version(header).into_iter().collect();
         notes.extend(needed::notes(header));
         notes.extend(unread::notes(header, quotes));
-        let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
+        let comments = header.comments.iter().chain(&header.obj_infos);
+        let textures = comments.filter(|comment| names_texture(comment)).count();
         if textures > 0 {
-            let comments = counted_are(textures, "TextureFile comment");
+            let comments = counted_are(textures, "comment with the name of a texture or an MTL file");
             notes.push(format!(
                 "{comments} ignored: PLY files get no textures, only the colours of their vertices or faces"
             ));
@@ -399,10 +416,17 @@ fn note_version(header: &Header) -> Option<String> {
     ((major, minor) != (1, 0)).then(note)
 }
 
-/// Returns a note on vertices whose position is not valid; `None` if there are none. No triangle uses these vertices:
-/// [`settle`], which is called earlier, refuses a file with such a triangle.
-fn note_invalid(positions: &[DVec3]) -> Option<String> {
-    let count = positions.iter().filter(|position| !is_valid(position)).count();
+/// Returns true if a comment names a texture or an MTL file, as in `TextureFile a.png`.
+fn names_texture(comment: &str) -> bool {
+    let mut words = comment.split_whitespace();
+    let key = words.next().unwrap_or_default().trim_end_matches([':', '=']).to_ascii_lowercase();
+    let has_ending = |name: &str| name.rsplit_once('.').is_some_and(|(_, ending)| !ending.is_empty());
+    TEXTURE_KEYS.contains(&&*key) && words.last().is_some_and(has_ending)
+}
+
+/// Returns a note on the `count` vertices whose position is not valid; `None` if there are none. No triangle uses these
+/// vertices: [`settle`], which is called earlier, refuses a file with such a triangle.
+fn note_invalid(count: usize) -> Option<String> {
     let vertices = counted_are(count, "vertex that no face uses");
     (count > 0).then(|| format!("{vertices} ignored: a coordinate is not finite or beyond +-1e12"))
 }

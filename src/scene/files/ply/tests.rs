@@ -404,6 +404,55 @@ fn channels_of_every_type_of_number_are_divided_by_their_range() {
 }
 
 #[test]
+fn channels_of_16_bits_count_as_those_of_8_bits_if_none_is_larger_than_255() {
+    let file = |text: &str, from: &str, to: &str| {
+        parse("a.ply", text.replace("property uchar", from).replace(" 255 0 0\n", to).as_bytes()).unwrap()
+    };
+    let red = |file: &MeshFile| triangle_colours(file)[0].x;
+    let note =
+        "channels of colours count as numbers from 0 to 255, not to 65535, since none is larger than 255";
+    for text in [SQUARE, PAINTED] {
+        let wide = |to: &str| file(text, "property ushort", to);
+        let narrow = wide(" 255 0 0\n");
+        assert!(red(&narrow) > 0.999 && narrow.notes.contains(&note.to_owned()), "{:?}", narrow.notes);
+        assert!((red(&wide(" 51 0 0\n")) - red(&file(text, "property uchar", " 51 0 0\n"))).abs() < 1e-4);
+        let dark = wide(" 256 0 0\n");
+        assert!(red(&dark) < 0.001 && !dark.notes.contains(&note.to_owned()), "{:?}", dark.notes);
+    }
+    let doubtful = "channels of colours count as numbers from 0 to 255, but none is larger than 1".to_owned();
+    let is_noted = |kind: &str, to: &str| file(SQUARE, kind, to).notes.contains(&doubtful);
+    assert_eq!(
+        ["0", "1", "2"].map(|to| is_noted("property int", &format!(" {to} 0 0\n"))),
+        [false, true, false]
+    );
+    assert!(!is_noted("property uchar", " 1 0 0\n"));
+}
+
+#[test]
+fn alpha_of_16_bits_counts_as_that_of_8_bits_beside_such_channels() {
+    let notes = |alpha: &str| {
+        let text = SQUARE.replace("property uchar", "property ushort");
+        let text = text.replace("property ushort blue\n", "property ushort blue\nproperty ushort alpha\n");
+        parse("a.ply", text.replace(" 255 0 0\n", &format!(" 255 0 0 {alpha}\n")).as_bytes()).unwrap().notes
+    };
+    let is_clear = |alpha| notes(alpha).iter().any(|note| note.starts_with("alpha of 4 vertices"));
+    assert_eq!(["255", "254", "65535"].map(is_clear), [false, true, false]);
+}
+
+#[test]
+fn vertices_that_no_face_uses_are_noted_if_they_are_most() {
+    let points = ["5 5 5"; 4];
+    let notes = |more: &[&str]| {
+        let vertices = [&["0 0 0", "1 0 0", "0 1 0"], more].concat();
+        parse("a.ply", triangle_of_floats(&vertices).as_bytes()).unwrap().notes
+    };
+    assert_eq!(notes(&points), ["4 vertices that no face uses are not drawn"]);
+    assert_eq!(notes(&points[..3]), [""; 0]);
+    let invalid = notes(&["nan 0 0"; 4]);
+    assert!(invalid.len() == 1 && invalid[0].contains("a coordinate is not finite"), "{invalid:?}");
+}
+
+#[test]
 fn vertices_that_no_face_uses_may_be_nan() {
     let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
         property float z\nelement face 1\nproperty list uchar uchar vertex_indices\nend_header\n";
@@ -435,9 +484,20 @@ fn textures_of_a_file_are_noted_and_its_other_comments_are_not() {
         SQUARE.replacen("comment made by hand", "comment TextureFile a.png\ncomment TextureFile b.png", 1);
     let is_noted = |text: &str| {
         let notes = parse("a.ply", text.as_bytes()).unwrap().notes;
-        notes.iter().any(|note| note.starts_with("2 TextureFile comments are ignored"))
+        notes.iter().any(|note| note.contains("with the name of a texture or an MTL file"))
     };
     assert_eq!([SQUARE, &textured].map(is_noted), [false, true]);
+    for (line, expected) in [
+        ("comment texturefile a.png", true),
+        ("comment TEXTURE: ./my a.png", true),
+        ("comment material a.mtl", true),
+        ("obj_info TextureFile a.png", true),
+        ("comment texture coordinates are missing.", false),
+        ("comment textured by hand with a.png", false),
+        ("comment material", false),
+    ] {
+        assert_eq!(is_noted(&SQUARE.replacen("comment made by hand", line, 1)), expected, "{line}");
+    }
 }
 
 #[test]
