@@ -20,7 +20,8 @@ use glam::Vec3;
 /// - For a bare mesh whose own file has lights, the lights are those of this file.
 /// - For a bare mesh without a sky, the lights are a key light and a fill light.
 ///
-/// If no rule applies, the function returns no lights. Adds a note if the scene has neither a light nor a sky.
+/// If no rule applies, the function returns no lights. Adds a note if the scene has no sky, and either no light or only
+/// lights of power 0.
 pub(super) fn lights(
     document: &Document,
     wire: &SceneWire,
@@ -49,6 +50,12 @@ pub(super) fn lights(
                 document.last_line()
             ),
         });
+    } else if wire.sky.is_none()
+        && lights.iter().all(|light| light.power == Vec3::ZERO)
+        && !document.is_animated()
+    {
+        let what = if lights.len() == 1 { "the only light has" } else { "all lights have" };
+        notes.push(format!("{}: {what} power 0, so surfaces that emit no light are black", document.name));
     }
     lights
 }

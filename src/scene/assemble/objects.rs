@@ -179,8 +179,13 @@ fn read_file(
     // Messages may quote a bare mesh if `document.quotes` is true. If a scene file names the mesh, messages may
     // quote the mesh only if it is in the scene file's folder.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
-    let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
+    let format = files::format(&opened, &path);
+    // `Document::unexpected_ending` makes this note for a bare mesh.
+    let is_unexpected = !document.bare && format.is_some();
+    let ending = is_unexpected.then(|| files::unexpected_ending(format, &path)).flatten();
+    let format = format.unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: alone })?;
+    read.notes.splice(0..0, ending);
     match alone {
         // After this step, the coordinates of the moved and scaled mesh count as those of the file.
         true => read.notes.extend(std::mem::take(&mut read.placement).notes()),

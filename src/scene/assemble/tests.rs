@@ -349,6 +349,38 @@ fn a_scene_without_any_light_is_noted() {
 }
 
 #[test]
+fn a_scene_whose_lights_have_no_power_is_noted_unless_an_animation_changes_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
+    let is_noted = |more: &str| {
+        std::fs::write(&path, format!("{object}{more}")).unwrap();
+        let notes = load_scene_with(&path, &[]).unwrap().notes;
+        notes.iter().any(|note| note.contains("power 0, so surfaces that emit no light are black"))
+    };
+    let dark = "[[light]]\nposition = [1, 3, 1]\npower = 0\n";
+    assert!(is_noted(dark) && is_noted(&dark.repeat(2)));
+    assert!(!is_noted(&format!("{dark}{}", dark.replace("power = 0", "power = [0, 1, 0]"))));
+    assert!(!is_noted(&format!("{dark}[sky]\nzenith = 1\n")));
+    let track = "[animation]\nframes = 2\n[[animation.track]]\npath = \"light.0.power\"\nvalues = [0, 9]\n";
+    assert!(!is_noted(&format!("{dark}{track}")));
+}
+
+#[test]
+fn a_mesh_of_a_scene_whose_contents_differ_from_its_name_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("a.toml");
+    let light = "[[light]]\nposition = [1, 3, 1]\npower = 10\n";
+    for (name, expected) in [("a.stl", true), ("a.obj", false), ("a", false)] {
+        std::fs::write(folder.path().join(name), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        std::fs::write(&scene, format!("{light}[[object]]\nmesh = \"{name}\"\n")).unwrap();
+        let notes = load_scene_with(&scene, &[]).unwrap().notes;
+        let note = format!("{name}: read as an OBJ mesh, because of its contents and despite its name");
+        assert_eq!(notes.iter().any(|own| own.ends_with(&note)), expected, "{name}: {notes:?}");
+    }
+}
+
+#[test]
 fn a_face_names_corners_that_exist() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
