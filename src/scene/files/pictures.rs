@@ -9,6 +9,7 @@ use crate::scene::{Texture, Wrap};
 use image::{DynamicImage, ImageDecoder, ImageFormat, Limits};
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -25,6 +26,11 @@ const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFor
 /// The last bytes of a TGA of version 2 (Truevision, "TGA File Format Specification", 1991). Files of older
 /// versions have no footer.
 const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE.\0";
+
+/// Alphas that are clearly neither transparent nor opaque.
+const PARTIAL_ALPHAS: RangeInclusive<u32> = 16..=239;
+/// The opacity of a mask counts as partial if more than one in this many texels is neither transparent nor opaque.
+const LEAST_SHARE: usize = 20;
 
 /// A result whose error continues a message that begins with the picture's name.
 type Parsed<T> = std::result::Result<T, String>;
@@ -62,7 +68,7 @@ pub(in crate::scene) struct Pictures {
     decoded: HashMap<PathBuf, Parsed<Decoded>>,
     /// The index in `list` of each texture, by picture and usage.
     known: HashMap<(PathBuf, Usage), u32>,
-    /// For textures in `list`, by their indices: true if a texel is not opaque.
+    /// For textures in `list`, by their indices: true if a part of their alpha is not used.
     alphas: HashMap<u32, bool>,
     /// The number of texels of all pictures in `decoded`. Textures of the same picture share its texels, except masks
     /// whose alpha is made from brightness; the texels of such masks are not counted.
@@ -124,10 +130,20 @@ impl Pictures {
     /// Records that the alpha of a texture is not used, if a texel is not opaque. `number` is the texture's index in
     /// `list`, and `name` the name of its file.
     pub fn leave_out_alpha(&mut self, number: u32, name: &str) {
+        self.leave_out(Part::Alpha, number, name, has_alpha);
+    }
+
+    /// Records that the partial opacity of a mask is not used, if there is any. `number` is the index of the mask's
+    /// texture in `list`, and `name` the name of its file.
+    pub fn leave_out_opacity(&mut self, number: u32, name: &str) {
+        self.leave_out(Part::Opacity, number, name, is_translucent);
+    }
+
+    fn leave_out(&mut self, part: Part, number: u32, name: &str, has_part: fn(&Texture) -> bool) {
         let Self { list, alphas, .. } = self;
-        // Many materials may use the same texture, and the search for a texel with alpha takes time.
-        if *alphas.entry(number).or_insert_with(|| has_alpha(&list[number as usize])) {
-            self.unused.add(Part::Alpha, quoted_name(name), "");
+        // Many materials may use the same texture, and looking at all texels takes time.
+        if *alphas.entry(number).or_insert_with(|| has_part(&list[number as usize])) {
+            self.unused.add(part, quoted_name(name), "");
         }
     }
 
@@ -141,6 +157,24 @@ impl Pictures {
 /// Returns true if a texel of a texture is not opaque.
 fn has_alpha(texture: &Texture) -> bool {
     texture.texels.iter().any(|texel| texel >> 24 < 255)
+}
+
+/// Returns true if many texels of a mask are neither transparent nor opaque. A texel counts only if its four neighbours
+/// are so, too. Thus, the soft edges of opaque parts do not count.
+fn is_translucent(texture: &Texture) -> bool {
+    let [width, height] = texture.size.map(|side| side as usize);
+    let is_partial = |x: usize, y: usize| PARTIAL_ALPHAS.contains(&(texture.texels[y * width + x] >> 24));
+    let counts = |x: usize, y: usize| {
+        let [left, right] = [x.saturating_sub(1), (x + 1).min(width - 1)];
+        let [above, below] = [y.saturating_sub(1), (y + 1).min(height - 1)];
+        is_partial(x, y)
+            && is_partial(left, y)
+            && is_partial(right, y)
+            && is_partial(x, above)
+            && is_partial(x, below)
+    };
+    let count: usize = (0..height).map(|y| (0..width).filter(|x| counts(*x, y)).count()).sum();
+    LEAST_SHARE * count > width * height
 }
 
 /// Adds the number of a picture's texels to `sum`, which is the number of texels of all earlier pictures. Returns an
@@ -380,6 +414,21 @@ mod tests {
         assert_eq!(masked([0xffff_ffff, 0xff00_0000]), [0xffff_ffff, 0]);
         assert_eq!(masked([0xff80_8080, 0xff00_00ff]), [0x8080_8080, 0x3500_00ff]);
         assert_eq!(masked([0xffff_ffff, 0x7f00_0000]), [0xffff_ffff, 0x7f00_0000]);
+    }
+
+    #[test]
+    fn a_mask_is_translucent_if_its_areas_are_and_not_if_only_its_edges_are() {
+        let is_translucent = |size: [u32; 2], alpha: fn(u32) -> u32| {
+            let texels = (0..size[0] * size[1]).map(|texel| alpha(texel % size[0]) << 24).collect();
+            is_translucent(&Texture { size, wrap: [Wrap::Repeat; 2], least_alpha: 0x8000, texels })
+        };
+        let edge = |x: u32| [0, 0, 100, 200, 255, 255, 255, 130][x as usize % 8];
+        let area = |x: u32| [0, 0, 100, 150, 200, 255, 255, 255][x as usize % 8];
+        assert_eq!([edge, area].map(|alpha| is_translucent([16, 16], alpha)), [false, true]);
+        assert!(is_translucent([1, 1], |_| 160) && is_translucent([256, 1], |x| x));
+        assert!(![15, 240].map(|_| is_translucent([4, 4], |x| [15, 240][x as usize % 2])).contains(&true));
+        // A hundredth of the texels, all side by side.
+        assert!(!is_translucent([1000, 3], |x| if x < 10 { 128 } else { 255 }));
     }
 
     #[test]

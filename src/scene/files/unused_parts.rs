@@ -10,6 +10,7 @@ pub(in crate::scene) enum Part {
     Orientation,
     Animation,
     Alpha,
+    Opacity,
 }
 
 impl Part {
@@ -20,6 +21,7 @@ impl Part {
             Self::Orientation => ("orientation", "the picture is neither turned nor mirrored"),
             Self::Animation => ("animation", "only one picture is shown"),
             Self::Alpha => ("alpha", "without a map_d, a surface has no holes"),
+            Self::Opacity => ("partial opacity", "every point is either opaque or a hole"),
         }
     }
 }

@@ -60,7 +60,7 @@ impl Wish {
             Self::Range => ("a value outside its range", "it is limited to this range"),
             Self::EmissionPlace => (
                 "emitted light from a texture that is placed differently from the colour texture",
-                "the surface emits no light",
+                "the surface emits no light, unless the scene sets `emitted`",
             ),
             Self::Reflection => ("mirror reflections", "surfaces reflect only lights"),
             Self::Refraction => ("refraction", "every surface is opaque"),

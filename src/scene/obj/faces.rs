@@ -22,7 +22,8 @@ pub(super) struct Start<'a> {
     pub positions: usize,
     pub normals: usize,
     pub coordinates: usize,
-    material: &'a str,
+    /// `None` before the file's first `usemtl`.
+    material: Option<&'a str>,
     smoothing: &'a str,
 }
 
@@ -35,7 +36,7 @@ pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Coordinates]) 
         start.coordinates += coordinates.get(number).map_or(0, Coordinates::count);
         start.positions += chunk.positions.len();
         start.normals += chunk.normals.len();
-        start.material = chunk.last_material.as_deref().unwrap_or(start.material);
+        start.material = chunk.last_material.as_deref().or(start.material);
         start.smoothing = chunk.last_smoothing.as_deref().unwrap_or(start.smoothing);
         starts.push(start);
     }
@@ -69,6 +70,10 @@ pub(super) struct FaceChunk {
     /// texture coordinate is [`MISSING`]. The list is empty if no texture coordinates were read.
     pub coordinate_indices: Vec<[u32; 3]>,
     unknown_materials: BTreeSet<String>,
+    /// Number of triangles with the default material before the file's first `usemtl`.
+    early: usize,
+    /// True if a corner names a normal, even one that does not exist or is not valid.
+    names_normal: bool,
     /// `usemtl` lines without a name, if no material has the empty name.
     nameless: Seen,
     /// Faces that have normals at some corners only.
@@ -92,7 +97,8 @@ pub(super) fn read(
     let smoothing = Smoothing::starting(start.smoothing);
     let mut faces = FaceChunk { triangles, smoothing, ..FaceChunk::default() };
     let mut seen = *start;
-    let mut material = faces.material(context, start.material);
+    let mut material = faces.material(context, start.material.unwrap_or_default());
+    let mut is_early = start.material.is_none() && material == 0;
     let mut corners = Vec::new();
     for (offset, line) in chunk.lines() {
         match keyword(line) {
@@ -101,6 +107,7 @@ pub(super) fn read(
             (b"vt", _) => seen.coordinates += 1,
             (b"usemtl", rest) => {
                 let name = words(rest);
+                faces.end_early(&mut is_early);
                 faces.nameless.at_if(is_nameless(context, &name), offset);
                 material = faces.material(context, &name);
             }
@@ -115,6 +122,7 @@ pub(super) fn read(
             _ => {}
         }
     }
+    faces.end_early(&mut is_early);
     faces.smoothing.begin(String::new());
     Ok(faces)
 }
@@ -159,9 +167,18 @@ impl FaceChunk {
         0
     }
 
-    /// Counts irregularities of a face. If a normal of the face does not exist or is not valid, removes all
-    /// normals of the face. (Normals that are not valid are counted where they are defined.)
+    /// Counts the triangles so far as early if `is_early` is true, and sets `is_early` to false.
+    fn end_early(&mut self, is_early: &mut bool) {
+        if std::mem::take(is_early) {
+            self.early = self.triangles.len();
+        }
+    }
+
+    /// Counts irregularities of a face, and records whether the face names a normal. If a normal of the face does not
+    /// exist or is not valid, removes all normals of the face. (Normals that are not valid are counted where they are
+    /// defined.)
     fn look_at(&mut self, offset: usize, corners: &mut [Corner]) {
+        self.names_normal |= corners.iter().any(|corner| corner.1 != MISSING);
         if corners.len() < 3 {
             self.short.at(offset);
         } else if corners.iter().any(|corner| matches!(corner.1, ODD | LOST)) {
@@ -419,13 +436,57 @@ pub(super) fn note_unknown_materials(
     let such_as = if names.len() == 1 { "material " } else { "for example material " };
     let materials = counted_are(names.len(), "material named by `usemtl`");
     let first = if quotes { format!(" ({such_as}{})", quoted(first.as_bytes())) } else { String::new() };
-    let instead = match is_coloured {
+    notes.push(format!("{materials} defined in no MTL file{first}: {}", instead_of_material(is_coloured)));
+}
+
+/// Adds a note on the triangles before the first `usemtl`, if MTL files define materials. `triangles` is the number of
+/// the mesh's triangles, and `materials` that of the materials in MTL files. `is_coloured` is true if vertices have
+/// colours.
+pub(super) fn note_early(
+    faces: &[FaceChunk],
+    (triangles, materials): (usize, usize),
+    is_coloured: bool,
+    notes: &mut Vec<String>,
+) {
+    let early = faces.iter().map(|chunk| chunk.early).sum();
+    if early == 0 || materials == 0 {
+        return;
+    }
+    let what = match early == triangles {
+        true => {
+            let of_files = counted_are(materials, "material of the MTL files");
+            format!("no `usemtl` precedes a face, so {of_files} not used")
+        }
+        false => {
+            let have = if early == 1 { "has" } else { "have" };
+            format!("{} before the first `usemtl` {have} no material", counted(early, "triangle"))
+        }
+    };
+    notes.push(format!("{what}: {}", instead_of_material(is_coloured)));
+}
+
+/// Returns the end of a note on faces without a material, which says what raycl uses instead.
+fn instead_of_material(is_coloured: bool) -> String {
+    match is_coloured {
         true => "only the vertices' colours are shown, unless the scene sets a `k_l`".to_owned(),
         false => format!(
             "the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used, unless the scene sets another `k_l`"
         ),
+    }
+}
+
+/// Adds a note if the file has normals, but no face names one. `normals` is the number of the file's valid normals.
+pub(super) fn note_unnamed_normals(faces: &[FaceChunk], normals: usize, notes: &mut Vec<String>) {
+    let is_unnamed = normals > 0 && !faces.iter().any(|chunk| chunk.names_normal);
+    let note = || {
+        let are = if normals == 1 { "is" } else { "are" };
+        format!(
+            "{} (vn) {are} not used, since no face names a normal, as in `f 1//1 2//2 3//3`; normals are computed from \
+             the faces' shape instead",
+            counted(normals, "normal")
+        )
     };
-    notes.push(format!("{materials} defined in no MTL file{first}: {instead}"));
+    notes.extend(is_unnamed.then(note));
 }
 
 #[cfg(test)]
@@ -488,8 +549,10 @@ mod tests {
             ..PointChunk::default()
         };
         let points = [None, Some("a"), None, None, Some("b")].map(piece);
-        let names: Vec<_> =
-            starts(&points, &[]).iter().map(|start| [start.material, start.smoothing]).collect();
+        let names: Vec<_> = starts(&points, &[])
+            .iter()
+            .map(|start| [start.material.unwrap_or(""), start.smoothing])
+            .collect();
         assert_eq!(names, ["", "", "a", "a", "a", "b"].map(|name| [name; 2]));
     }
 }

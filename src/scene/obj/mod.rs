@@ -28,7 +28,7 @@ mod values;
 mod vertex_colours;
 mod wishes;
 
-use super::files::{MeshFile, Placement, paint};
+use super::files::{MeshFile, Placement, note_points, paint};
 use super::mesh::{Mesh, Triangle};
 use crate::error::{Error, Result};
 use crate::words::counted;
@@ -121,15 +121,19 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     odd::check_vertices(&odd_vertices, &mesh, source, reach.permitted.scaled, &mut notes)
         .map_err(|mistake| source.error(mistake))?;
     odd::note_normals(&odd_normals, source, &mut notes);
-    let colours = VertexColours::of(&points, &mesh);
-    add_notes(source, &points, &faces, colours.as_ref(), &mut notes);
+    let (colours, unused_colours) = VertexColours::of(&points, &starts, &mesh);
+    let counts = [mesh.triangles.len(), total.normals - odd_normals.len(), materials.asked.len() - 1];
+    notes.extend(note_points(&mesh, odd_vertices.len()));
+    add_notes(source, &points, &faces, counts, colours.as_ref(), &mut notes);
+    unused_colours.add_notes(source, &mut notes);
+    notes::of_statements(&points, source.quotes, &mut notes);
     notes::of_materials(&materials.asked, &mesh, reach.permitted.quotes, &mut notes);
     if mapped {
         let corners = faces.iter().flat_map(|chunk| chunk.coordinate_indices.iter().copied()).collect();
         let texture_coordinates = FaceCoordinates { coordinates: Coordinates::joined(coordinates), corners };
         textures::apply(&mut mesh, &materials.maps, &texture_coordinates, reach, &mut notes);
     }
-    paint_vertices(&mut mesh, colours);
+    paint_vertices(&mut mesh, colours, &mut notes);
     Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, ..MeshFile::default() }))
 }
 
@@ -153,23 +157,25 @@ fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
     }
 }
 
-/// Adds notes on faces, colours and statements of which raycl ignores or replaces parts.
+/// Adds notes on faces, colours and statements of which raycl ignores or replaces parts. The array has the numbers of
+/// the file's triangles and valid normals, and of the materials in its MTL files.
 fn add_notes(
     source: &Source,
     points: &[PointChunk],
     faces: &[FaceChunk],
+    [triangles, normals, materials]: [usize; 3],
     colours: Option<&VertexColours>,
     notes: &mut Vec<String>,
 ) {
+    faces::note_unnamed_normals(faces, normals, notes);
     faces::note_partial_normals(faces, source, notes);
     faces::note_odd_faces(faces, source, notes);
     faces::note_nameless(faces, source, notes);
     faces::note_unknown_materials(faces, colours.is_some(), source.quotes, notes);
+    faces::note_early(faces, (triangles, materials), colours.is_some(), notes);
     points::note_surplus(points, source, notes);
     colours.iter().for_each(|colours| colours.add_notes(notes));
-    vertex_colours::note_unread(points, source, notes);
     smoothing::note(faces.iter().map(|chunk| &chunk.smoothing), notes);
-    notes::of_statements(points, source.quotes, notes);
 }
 
 /// Returns the error for a file without triangles that has `vertices` vertices.
@@ -198,12 +204,15 @@ fn unknown_keywords(points: &[PointChunk]) -> String {
     }
 }
 
-/// Gives triangles the colours of their vertices, if vertices have colours.
-fn paint_vertices(mesh: &mut Mesh, colours: Option<VertexColours>) {
+/// Gives triangles the colours of their vertices, if vertices have colours. Adds a note if these colours change
+/// textures.
+fn paint_vertices(mesh: &mut Mesh, colours: Option<VertexColours>, notes: &mut Vec<String>) {
     let Some(colours) = colours else { return };
     // The colour of a vertex is multiplied by the material's colour, so the default material becomes white.
     mesh.materials[0].lambertian = Vec3::ONE;
-    paint(mesh, &colours.linear());
+    let linear = colours.linear();
+    notes.extend(vertex_colours::note_textured(mesh, &linear));
+    paint(mesh, &linear);
 }
 
 /// Returns the points of all pieces of the file, and their placement (how they are moved and scaled). If

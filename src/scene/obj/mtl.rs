@@ -401,6 +401,8 @@ struct Checked {
     ignored: Ignored,
     /// Lines with more values than raycl reads.
     more: Seen,
+    /// Lines with a colour that is probably meant as channels from 0 to 255.
+    bright: Seen,
     /// Lines before the first `newmtl`.
     early: Seen,
     /// Lines that replace another value of an earlier line of the same material.
@@ -500,7 +502,8 @@ impl Checked {
         let keys = few(&self.repeated_keys.iter().collect::<Vec<_>>());
         let repeated = format!("a later line replaces another value in the same material: {keys}");
         let early = "lines before the first newmtl are not read";
-        [(self.more, values::MORE), (self.early, early), (self.repeated, &repeated)]
+        let (more, bright) = ((self.more, values::MORE), (self.bright, values::BRIGHT));
+        [more, bright, (self.early, early), (self.repeated, &repeated)]
             .map(|(lines, what)| source.note_on_lines(&format!("{}:", source.name), lines, what))
             .into_iter()
             .flatten()
@@ -523,6 +526,7 @@ fn check(text: &[u8]) -> Checked {
             Err(unfit) => checked.ignored.add(offset, unfit),
             Ok(read) => {
                 checked.more.at_if(values::has_more(name, rest), offset);
+                checked.bright.at_if(values::is_bright(name, rest), offset);
                 read.into_iter().for_each(|(key, value)| checked.record(offset, key, value));
             }
         }

@@ -35,7 +35,9 @@ impl Namesakes {
 /// meant.
 fn unused(reach: Reach<'_>, text: &str, folder: &str, used: &str) -> Option<String> {
     let is_stated = stated_paths(text).any(|path| path == used || format!("{folder}{path}") == used);
-    let beside_materials = is_stated.then(|| format!("{folder}{used}"));
+    // If the text is the path from the mesh's folder, the path from the MTL file's folder may be meant.
+    let is_beside_mesh = stated_paths(text).any(|path| path == used);
+    let beside_materials = is_beside_mesh.then(|| format!("{folder}{used}"));
     let mut others = paths(text, folder).take_while(|path| path != used).chain(beside_materials);
     let name = || possible_names(text)[1].to_owned();
     others.find(|path| reach.is_another_file(path, used)).or_else(|| (!is_stated).then(name))

@@ -109,10 +109,12 @@ pub(super) struct PointChunk {
     /// Colours as they are in the file: one per vertex, up to the last vertex with a colour. A vertex without
     /// a colour has [`UNCOLOURED`].
     pub colours: Vec<Vec3>,
-    /// The alpha of each vertex with an alpha, as it is in the file.
-    pub alphas: Vec<f32>,
+    /// The index within the piece and the alpha, as it is in the file, of each vertex with an alpha.
+    pub alphas: Vec<(u32, f32)>,
     /// Vertices with a colour that is not valid. These vertices count as vertices without a colour.
-    pub odd_colours: Seen,
+    pub odd_colours: Vec<Odd>,
+    /// Vertices with a weight other than 1.
+    pub weights: Seen,
     /// Vertices with numbers after their alpha, and normals with more than three numbers.
     pub surplus: Seen,
     /// The smoothing group of the last `s` line of the piece; `None` if there is no `s` line.
@@ -130,23 +132,25 @@ pub(super) struct PointChunk {
 
 impl PointChunk {
     /// Reads the words after a vertex's coordinates. Three numbers are a colour, and a fourth number is its alpha. A
-    /// single number is ignored: it is a weight, which concerns only curves and surfaces. Other words are counted as a
+    /// single number is ignored: it is a weight, which concerns only curves and surfaces. Other words are recorded as a
     /// colour that is not valid, and the vertex gets no colour.
     fn colour<'a>(&mut self, mut tokens: impl Iterator<Item = &'a [u8]>, offset: usize) {
+        let vertex = self.positions.len() - 1;
         let mut next = || tokens.next().map(number);
         let (red, green, blue) = match (next(), next(), next()) {
             (Some(Some(red)), Some(Some(green)), Some(Some(blue))) => (red, green, blue),
-            (None | Some(Some(_)), None, _) => return,
-            _ => return self.odd_colours.at(offset),
+            (None, ..) => return,
+            (Some(Some(weight)), None, _) => return self.weights.at_if(weight != 1.0, offset),
+            _ => return self.odd_colours.push(Odd { number: vertex, offset }),
         };
         if let Some(alpha) = next() {
             // A fourth word that is not a number counts as an alpha of 0, so that the note on ignored alphas
             // counts it.
-            self.alphas.push(alpha.unwrap_or_default());
+            self.alphas.push((vertex as u32, alpha.unwrap_or_default()));
             self.surplus.at_if(next().is_some(), offset);
         }
         self.coloured += 1;
-        self.colours.resize(self.positions.len() - 1, UNCOLOURED);
+        self.colours.resize(vertex, UNCOLOURED);
         self.colours.push(Vec3::new(red, green, blue));
     }
 
@@ -264,8 +268,11 @@ pub(super) fn note_flat(chunks: &[PointChunk], notes: &mut Vec<String>) {
     notes.extend((flat > 0).then(note));
 }
 
-/// Adds a note on vertices and normals with more numbers than raycl reads, if there are any.
+/// Adds a note on the weights of vertices, and a note on vertices and normals with more numbers than raycl reads, if
+/// there are any.
 pub(super) fn note_surplus(chunks: &[PointChunk], source: &Source, notes: &mut Vec<String>) {
+    let weights = Seen::of_all(chunks.iter().map(|chunk| chunk.weights));
+    notes.extend(source.note_on_lines("line ", weights, "a single number after `v x y z` is ignored"));
     let surplus = Seen::of_all(chunks.iter().map(|chunk| chunk.surplus));
     let what = "numbers after the seventh of `v` or the third of `vn` are ignored";
     notes.extend(source.note_on_lines("line ", surplus, what));

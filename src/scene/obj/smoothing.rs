@@ -1,6 +1,6 @@
 //! Smoothing groups: the lines `s` of a file say which faces are smooth together. raycl does not use these groups, but
 //! makes all faces without normals smooth, up to the crease angle. If the groups ask for a sharp edge, a note counts
-//! the triangles without normals after the first line `s`.
+//! the triangles without normals.
 
 use super::text::{tokens, words};
 use crate::words::counted_are;
@@ -36,7 +36,7 @@ impl Smoothing {
     pub fn begin(&mut self, group: String) {
         let ended = std::mem::replace(&mut self.group, group);
         let triangles = std::mem::take(&mut self.recent);
-        if triangles > 0 && !ended.is_empty() {
+        if triangles > 0 {
             *self.triangles.entry(ended).or_default() += triangles;
         }
     }
@@ -55,7 +55,8 @@ pub(super) fn group(rest: &[u8]) -> String {
 pub(super) fn note<'a>(pieces: impl Iterator<Item = &'a Smoothing>, notes: &mut Vec<String>) {
     let counts: Vec<_> = pieces.flat_map(|piece| &piece.triangles).collect();
     let groups: BTreeSet<_> = counts.iter().map(|(group, _)| group.as_str()).collect();
-    // A single smoothing group needs no note, since all faces without normals become smooth anyway.
+    // A file without smoothing groups, or with a single one, needs no note, since all faces without normals become
+    // smooth anyway.
     if groups.len() > 1 || groups.contains(OFF) {
         notes.push(format!(
             "smoothing groups (s) are not read: {} smooth. A `crease` angle in the scene (a bare mesh has a \

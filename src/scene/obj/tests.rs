@@ -212,9 +212,7 @@ fn normals_at_some_corners_only_are_generated_at_all() {
     assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
     let [note] = &file.notes[..] else { panic!("{:?}", file.notes) };
     assert!(note.starts_with("line 5: 1 face has a normal index at some corners only"), "{note}");
-    for face in ["f 1 2 3", "f 1//1 2//1 3//1"] {
-        assert!(read(&format!("{CORNERS}vn 1 0 0\n{face}\n")).unwrap().notes.is_empty(), "{face}");
-    }
+    assert_eq!(read(&format!("{CORNERS}vn 1 0 0\nf 1//1 2//1 3//1\n")).unwrap().notes, [""; 0]);
 }
 
 #[test]
@@ -264,6 +262,7 @@ fn what_a_material_asks_for_is_noted_by_name_and_count() {
         ("Tr 0.1", "asks for transparency (Tr)"),
         ("Tf 0.5 1 1", "asks for transparency (Tf)"),
         ("Ka 0.2 0.2 0.2", "asks for ambient light (Ka)"),
+        ("Pr 0", "asks for physically based shading (Pr)"),
         ("Pr 0.5\nPm 1", "asks for physically based shading (Pm 1, Pr 1)"),
         ("illum 0", "asks for a colour without light (illum 0)"),
         ("illum 1\nKs 1 1 1", "asks for no highlight (illum 1)"),
@@ -337,7 +336,9 @@ fn what_a_mesh_asks_for_is_noted_by_name_and_count() {
         ("foo\nbar", "unknown keywords of 2 statements are ignored (`bar` 1, `foo` 1)"),
         ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
-        ("f 1 2 3\ns 1\nf 1 2 3\ns 0", "smoothing groups (s) are not read: 2 triangles"),
+        ("f 1 2 3\ns 1\nf 1 2 3\ns 0", "smoothing groups (s) are not read: 3 triangles"),
+        // By the specification, faces before the first line `s` are not smooth.
+        ("f 1 2 3\ns 1", "smoothing groups (s) are not read: 2 triangles"),
         (
             "usemtl None",
             "is defined in no MTL file (material `None`): the default, k_L 0.8 (grey), is used, unless the scene sets",
@@ -428,9 +429,10 @@ fn colours_of_vertices_that_are_changed_or_not_used_are_noted() {
     let alpha = "alpha of 1 vertex is not used: every surface is opaque";
     let odd = "line 1: colours of 1 vertex are not used: expected three finite numbers after x, y and z";
     let white = "1 vertex without a colour is shown in white";
+    let weight = "line 1: a single number after `v x y z` is ignored (1 line)";
     for (first, expected) in [
         ("", vec![white]),
-        ("0.5", vec![white]),
+        ("0.5", vec![weight, white]),
         ("0 0.5 1.001 1", vec![]),
         ("0 1.2 0", vec![limited]),
         ("0 -0.5 0", vec![limited]),
@@ -453,7 +455,7 @@ fn colours_of_vertices_that_are_changed_or_not_used_are_noted() {
 
 #[test]
 fn colours_of_vertices_that_no_triangle_uses_have_no_effect() {
-    for unused in ["1 0 0", "255 0 0", "-1 0 0"] {
+    for unused in ["1 0 0", "255 0 0", "-1 0 0", "1 0 0 0.5", "red", "0.5 0.5"] {
         let file = read(&format!("{CORNERS}v 5 5 5 {unused}\nf 1 2 3\n")).unwrap();
         assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::splat(0.8), "{unused}");
         assert_eq!(file.notes, [""; 0], "{unused}");
@@ -462,6 +464,70 @@ fn colours_of_vertices_that_no_triangle_uses_have_no_effect() {
         assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::Y, "{unused}");
         assert_eq!(file.notes, [""; 0], "{unused}");
     }
+}
+
+#[test]
+fn a_textured_triangle_whose_vertices_have_colours_is_noted_unless_they_are_white() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    std::fs::write(folder.path().join("m.mtl"), "newmtl a\nmap_Kd dot.png\nnewmtl b\n").unwrap();
+    let notes = |colour: &str| {
+        let vertices = CORNERS.replace('\n', &format!(" {colour}\n"));
+        let faces = "usemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\n";
+        let text = format!("mtllib m.mtl\n{vertices}vt 0 0\n{faces}");
+        parse("test.obj", Reach { folder: folder.path(), ..nowhere() }, text.as_bytes()).unwrap().notes
+    };
+    let expected = "textures of 1 triangle are multiplied by the colours of vertices, although many programs show the \
+                    texture alone; `k_l = 1` in the object's `material` leaves these colours out";
+    assert_eq!(notes("0.5 1 1"), [expected]);
+    assert_eq!([notes("1 1 1"), notes("255 255 255"), notes("")].concat(), [""; 0]);
+}
+
+#[test]
+fn faces_without_a_material_are_noted_if_the_file_has_materials() {
+    let red = "newmtl a\nKd 1 0 0\n";
+    let default = "the default, k_L 0.8 (grey), is used, unless the scene sets another `k_l`";
+    let none =
+        format!("no `usemtl` precedes a face, so 2 materials of the MTL files are not used: {default}");
+    assert_eq!(notes_of("", &format!("{red}newmtl b\n")), [none.as_str()]);
+    let early = format!("2 triangles before the first `usemtl` have no material: {default}");
+    assert_eq!(notes_of("f 1 2 3\nf 1 2 3\nusemtl a", red), [early.as_str()]);
+    let coloured = notes_of("v 0 0 1 1 0 0\nf 1 2 4\nusemtl a\nf 1 2 4", red);
+    assert!(coloured.iter().any(|note| note.ends_with("only the vertices' colours are shown, unless the scene sets a `k_l`")));
+    for (obj, mtl) in [("", ""), ("usemtl a\nf 1 2 3", red), ("", "newmtl\nKd 1 0 0\n")] {
+        assert_eq!(notes_of(obj, mtl), [""; 0], "{obj} {mtl}");
+    }
+}
+
+#[test]
+fn normals_that_no_face_names_are_noted() {
+    let expected = "2 normals (vn) are not used, since no face names a normal, as in `f 1//1 2//2 3//3`; normals are \
+                    computed from the faces' shape instead";
+    assert_eq!(notes_of("vn 0 0 1\nvn 0 0 1", ""), [expected]);
+    // Another note concerns normals that are named, but cannot be used.
+    for named in [
+        "vn 0 0 1\nf 1//1 2//1 3//1",
+        "vn 0 0 1\nf 1//1 2 3",
+        "vn 0 0 1\nf 1//2 2//2 3//2",
+        "vn 0 0 x\nf 1//1 2//1 3//1",
+    ] {
+        let notes = notes_of(named, "");
+        assert!(!notes.iter().any(|note| note.contains("no face names a normal")), "{named}: {notes:?}");
+    }
+}
+
+#[test]
+fn vertices_that_no_face_uses_are_noted_if_they_are_most() {
+    let notes = |more: &str| read(&format!("{CORNERS}{more}f 1 2 3\n")).unwrap().notes;
+    let point = "v 5 5 5\n";
+    assert_eq!(notes(&point.repeat(4)), ["4 vertices that no face uses are not drawn"]);
+    assert_eq!(notes(&point.repeat(3)), [""; 0]);
+    // Vertices that are not valid have a note of their own.
+    let invalid = notes(&"v nan 0 0\n".repeat(4));
+    assert!(
+        invalid.len() == 1 && invalid[0].ends_with("4 such vertices that no face uses are ignored"),
+        "{invalid:?}"
+    );
 }
 
 #[test]
@@ -479,9 +545,12 @@ fn a_range_of_colours_that_is_doubtful_is_noted() {
 
 #[test]
 fn lines_with_more_numbers_than_are_read_are_counted() {
-    let text = "v 0 0 0 1 1 1 1 7\nv 1 0 0 1 1 1 1\nv 0 1 0 1 1 1 1 # 7 8\nvn 0 0 1 5\nvn 0 0 1\nf 1 2 3\n";
+    let text =
+        "v 0 0 0 1 1 1 1 7\nv 1 0 0 1 1 1 1\nv 0 1 0 1 1 1 1 # 7 8\nvn 0 0 1 5\nvn 0 0 1\nf 1//1 2//1 3//1\n";
     let expected = "line 1: numbers after the seventh of `v` or the third of `vn` are ignored (2 lines)";
     assert_eq!(read(text).unwrap().notes, [expected]);
+    let weights = read("v 0 0 0 2\nv 1 0 0 1\nv 0 1 0 1.0\nv 0 0 1 0\nf 1 2 3\n").unwrap().notes;
+    assert_eq!(weights, ["line 1: a single number after `v x y z` is ignored (2 lines)"]);
     let textured = |coordinates: &str| {
         let mut notes = notes_of(coordinates, "newmtl a\nmap_Kd a.png\n");
         notes.retain(|note| note.contains("vt"));

@@ -98,12 +98,15 @@ impl Maps {
         let colour =
             load(&self.colour, Usage::colour(wrap), ["texture", "its material's own colour is used"]);
         let mask = load(&self.mask, Usage::mask(wrap, LEAST_ALPHA), ["mask", "its surface has no holes"]);
-        let emission =
-            load(&self.emission, Usage::colour(wrap), ["emission texture", "its surface emits no light"]);
+        let dark = "its surface emits no light, unless the scene sets `emitted`";
+        let emission = load(&self.emission, Usage::colour(wrap), ["emission texture", dark]);
         if let (Some(map), Some(number), None) = (&self.colour, colour, &self.mask) {
             pictures.leave_out_alpha(number, map.name());
         }
-        mask.iter().for_each(|mask| brightness_to_alpha(&mut pictures.list[*mask as usize]));
+        if let (Some(map), Some(number)) = (&self.mask, mask) {
+            brightness_to_alpha(&mut pictures.list[number as usize]);
+            pictures.leave_out_opacity(number, map.name());
+        }
         let coloured = [(&self.colour, colour), (&self.emission, emission)];
         let is_whitened = coloured.map(|(map, number)| {
             number.is_some() && map.as_ref().is_some_and(|map| map.factor != Factor::Own)

@@ -93,6 +93,19 @@ pub(super) fn has_more(key: &[u8], rest: &[u8]) -> bool {
     tokens(rest).nth(most).is_some()
 }
 
+/// The least value of `Kd` or `Ks` that is probably meant as a channel from 0 to 255.
+const LEAST_OF_BYTES: f32 = 16.0;
+
+/// What raycl does with lines for which [`is_bright`] returns true.
+pub(super) const BRIGHT: &str =
+    "a Kd or Ks of 16 or more counts as a reflectance, of which 1 is white, not as a channel from 0 to 255";
+
+/// Returns true if a line with `Kd` or `Ks` has a value that is probably meant as a channel from 0 to 255.
+pub(super) fn is_bright(key: &[u8], rest: &[u8]) -> bool {
+    let is_byte = |token| number(token).is_some_and(|value| value >= LEAST_OF_BYTES);
+    matches!(key, b"Kd" | b"Ks") && tokens(rest).take(3).any(is_byte)
+}
+
 /// Parses the value of `Ns`.
 pub(super) fn shininess(rest: &[u8]) -> Result<f32, Unfit> {
     let token = tokens(rest).next();

@@ -1,7 +1,9 @@
 //! The colours of vertices (the numbers after `v x y z`). Colours of vertices that no triangle uses have no effect.
 
+use super::faces::Start;
+use super::odd::Odd;
 use super::points::PointChunk;
-use super::text::{Seen, Source};
+use super::text::Source;
 use crate::scene::Mesh;
 use crate::scene::files::{is_outside, linear, note_clear, note_outside};
 use crate::words::{counted, counted_are};
@@ -11,12 +13,14 @@ use glam::Vec3;
 /// vertex without a colour becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
 /// If a triangle uses a vertex whose colour has a channel larger than this, all channels in the file count as
-/// numbers from 0 to 255. If an alpha in the file is larger than this, all alphas count as numbers from 0 to 255.
+/// numbers from 0 to 255. If an alpha of such a vertex is larger than this, all alphas count as numbers from 0 to 255.
 /// The limit is above 1, because rounded channels may be slightly larger than 1.
 const MOST_OF_UNIT: f32 = 1.5;
 /// If the largest channel is smaller than this, it is doubtful that channels are numbers from 0 to 255, since all
 /// colours would be almost black.
 const LEAST_OF_BYTES: f32 = 16.0;
+/// The smallest linear channel of a colour that counts as white.
+const LEAST_WHITE: f32 = 0.99;
 
 /// The colours of the vertices that triangles use.
 pub(super) struct VertexColours {
@@ -27,6 +31,32 @@ pub(super) struct VertexColours {
     brightest: f32,
     /// The number of vertices that triangles use and that have no colour.
     without: usize,
+}
+
+/// Returns a note on the triangles on which colours of vertices change a texture; `None` if there are none. `linear` has
+/// the linear colour of each vertex.
+pub(super) fn note_textured(mesh: &Mesh, linear: &[Vec3]) -> Option<String> {
+    let is_white = |vertex: &u32| linear[*vertex as usize].min_element() >= LEAST_WHITE;
+    let rows = mesh.triangles.iter().zip(&mesh.textures.mapped);
+    let changed =
+        rows.filter(|(triangle, row)| row.texture.is_some() && !triangle.positions.iter().all(is_white));
+    let count = changed.count();
+    let note = || {
+        format!(
+            "textures of {} are multiplied by the colours of vertices, although many programs show the texture alone; \
+             `k_l = 1` in the object's `material` leaves these colours out",
+            counted(count, "triangle")
+        )
+    };
+    (count > 0).then(note)
+}
+
+/// The parts of vertices' colours that raycl does not use. Only vertices that triangles use count.
+#[derive(Default)]
+pub(super) struct Unused {
+    alphas: Vec<f32>,
+    /// The vertices with a colour that is not valid.
+    odd: Vec<Odd>,
 }
 
 /// Returns true if at least one vertex of the file has a colour.
@@ -41,20 +71,29 @@ fn full_channel(brightest: f32) -> f32 {
 }
 
 impl VertexColours {
-    /// Collects the colours of the vertices that triangles use. Returns `None` if no such vertex has a colour.
-    pub fn of(chunks: &[PointChunk], mesh: &Mesh) -> Option<Self> {
+    /// Collects the colours of the vertices that triangles use; `None` if no such vertex has a colour. `starts` has the
+    /// number of vertices before each piece.
+    pub fn of(chunks: &[PointChunk], starts: &[Start], mesh: &Mesh) -> (Option<Self>, Unused) {
+        if !are_any(chunks) && chunks.iter().all(|chunk| chunk.odd_colours.is_empty()) {
+            return (None, Unused::default());
+        }
+        let used = mesh.positions_of_triangles();
+        (Self::of_used(chunks, &used), Unused::of(chunks, starts, &used))
+    }
+
+    fn of_used(chunks: &[PointChunk], used: &[bool]) -> Option<Self> {
         if !are_any(chunks) {
             return None;
         }
-        let mut list = Vec::with_capacity(mesh.positions.len());
+        let mut list = Vec::with_capacity(used.len());
         for chunk in chunks {
             let end = list.len() + chunk.positions.len();
             list.extend_from_slice(&chunk.colours);
             list.resize(end, UNCOLOURED);
         }
         let (mut brightest, mut with, mut without) = (0.0_f32, 0, 0);
-        for (colour, is_used) in list.iter_mut().zip(mesh.positions_of_triangles()) {
-            match (is_used, *colour == UNCOLOURED) {
+        for (colour, is_used) in list.iter_mut().zip(used) {
+            match (*is_used, *colour == UNCOLOURED) {
                 (true, true) => without += 1,
                 (true, false) => {
                     with += 1;
@@ -89,17 +128,27 @@ impl VertexColours {
     }
 }
 
-/// Adds notes on alpha, which raycl does not use, and on colours that are not valid.
-pub(super) fn note_unread(chunks: &[PointChunk], source: &Source, notes: &mut Vec<String>) {
-    let alphas = || chunks.iter().flat_map(|chunk| &chunk.alphas).copied();
-    let opaque = full_channel(alphas().fold(0.0, f32::max));
-    notes.extend(note_clear(alphas().filter(|alpha| *alpha < opaque).count(), "vertex"));
-    let odd = Seen::of_all(chunks.iter().map(|chunk| chunk.odd_colours));
-    let note = || {
-        let (line, vertices) = (source.line(odd.first), counted(odd.count, "vertex"));
-        format!(
-            "line {line}: colours of {vertices} are not used: expected three finite numbers after x, y and z"
-        )
-    };
-    notes.extend((odd.count > 0).then(note));
+impl Unused {
+    fn of(chunks: &[PointChunk], starts: &[Start], used: &[bool]) -> Self {
+        let mut unused = Self::default();
+        for (chunk, start) in chunks.iter().zip(starts) {
+            let is_used = |number: usize| used[start.positions + number];
+            let alphas = chunk.alphas.iter().filter(|(number, _)| is_used(*number as usize));
+            unused.alphas.extend(alphas.map(|(_, alpha)| *alpha));
+            unused.odd.extend(chunk.odd_colours.iter().filter(|odd| is_used(odd.number)));
+        }
+        unused
+    }
+
+    /// Adds notes on alpha, which raycl does not use, and on colours that are not valid.
+    pub fn add_notes(&self, source: &Source, notes: &mut Vec<String>) {
+        let opaque = full_channel(self.alphas.iter().copied().fold(0.0, f32::max));
+        notes.extend(note_clear(self.alphas.iter().filter(|alpha| **alpha < opaque).count(), "vertex"));
+        let Some(first) = self.odd.first() else { return };
+        notes.push(format!(
+            "line {}: colours of {} are not used: expected three finite numbers after x, y and z",
+            source.line(first.offset),
+            counted(self.odd.len(), "vertex")
+        ));
+    }
 }

@@ -41,18 +41,20 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let values = || tokens(rest).filter_map(number).take(most);
     let any = |holds: fn(f32) -> bool| values().any(holds);
     // Some exporters write the keyword of a texture map without the name of a file.
-    let names_file = || tokens(rest).next().is_some();
+    let has_value = || tokens(rest).next().is_some();
     let not_zero = || any(|value| value != 0.0);
     // MTL also allows the colours `spectral FILE FACTOR` and `xyz X Y Z`.
     let has_form = || matches!(tokens(rest).next(), Some(b"spectral" | b"xyz"));
     let (wish, asks) = match &lower[..] {
         [b'#', ..] | b"" | b"illum" | b"ni" | b"sharpness" | b"map_aat" => return,
-        _ if names_picture(&lower) => (Wish::Texture, names_file()),
+        _ if names_picture(&lower) => (Wish::Texture, has_value()),
         b"d" => (Wish::Transparency, any(|value| value < 1.0)),
         b"tr" => (Wish::Transparency, any(|value| value > 0.0)),
         b"tf" => (Wish::Transparency, has_form() || any(|value| value != 1.0)),
         b"ka" => (Wish::Ambient, has_form() || not_zero()),
-        b"pr" | b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" => (Wish::Physical, not_zero()),
+        // A roughness of 0 asks for a smooth surface; other numbers that are 0 ask for nothing.
+        b"pr" => (Wish::Physical, has_value()),
+        b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" => (Wish::Physical, not_zero()),
         _ => (Wish::Unknown, true),
     };
     if asks {

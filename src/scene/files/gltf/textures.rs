@@ -106,7 +106,8 @@ impl Files<'_> {
             let colour = colour_texture(wire).filter(|_| is_used);
             let colour = read(colour, least_alpha(wire), "its material's own colour is used", notes);
             let emissive = emissive_texture(self.root, wire).filter(|_| is_used);
-            let emissive = read(emissive, 0.0, "its material emits no light", notes);
+            let emissive =
+                read(emissive, 0.0, "its material emits no light, unless the scene sets `emitted`", notes);
             if wire.emissive_texture.is_some() {
                 material.set_emission_texture(emissive.and_then(|map| map.texture));
             }

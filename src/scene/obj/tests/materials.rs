@@ -281,7 +281,8 @@ fn a_material_whose_name_has_a_number_sign_is_not_taken_for_another() {
         assert_eq!((grey, notes.len()), (0.8, 1), "{obj}: {notes:?}");
         assert!(notes[0].starts_with(&format!("{missing} (material `{name}`)")), "{obj}: {notes:?}");
     }
-    assert_eq!(red("newmtl #1\nKd 0.5 0 0\n", mtllib), (0.8, Vec::new()));
+    let (grey, notes) = red("newmtl #1\nKd 0.5 0 0\n", mtllib);
+    assert!(grey == 0.8 && notes.len() == 1 && notes[0].starts_with("no `usemtl`"), "{notes:?}");
     assert_eq!(red("newmtl #1\nKd 0.5 0 0\n", "mtllib #1.mtl\nusemtl #1"), (0.5, Vec::new()));
     let (_, notes) = red("", "mtllib #3.mtl");
     assert!(notes[0].starts_with("MTL file `#3.mtl` cannot be read ("), "{notes:?}");
@@ -358,6 +359,14 @@ fn a_namesake_in_another_folder_is_noted() {
         assert_eq!((noted.len(), is_named), (1, 1), "{picture}: {noted:?}");
         assert_eq!(notes(library, picture, false), ["for 1 texture, another file may be meant"]);
     }
+    // The name of a picture beside the MTL file means no file of the same name in a folder further inside.
+    std::fs::create_dir(inner.join("mats/mats")).unwrap();
+    for name in ["mats/d.png", "mats/mats/d.png"] {
+        image::RgbImage::new(1, 1).save(inner.join(name)).unwrap();
+    }
+    assert_eq!(notes("mats/used.mtl", "map_Kd d.png", true), [""; 0]);
+    let expected = "for 1 texture, another file may be meant: `mats/d.png` is used, not `mats/mats/d.png`";
+    assert_eq!(notes("mats/used.mtl", "map_Kd mats/d.png", true), [expected]);
     let expected = "for 1 MTL file, another file may be meant: `m.mtl` is used, not `../m.mtl`";
     assert_eq!(notes("../m.mtl", "", true), [expected]);
     for (library, picture) in [
@@ -372,7 +381,7 @@ fn a_namesake_in_another_folder_is_noted() {
 
 #[test]
 fn lines_before_the_first_newmtl_are_counted() {
-    let notes = notes_of("", "# head\n\nKd 0 1 0\nmap_Kd none.png\nd 0.5\nnewmtl a\nKd 1 0 0\n");
+    let notes = notes_of("usemtl a", "# head\n\nKd 0 1 0\nmap_Kd none.png\nd 0.5\nnewmtl a\nKd 1 0 0\n");
     assert_eq!(notes.len(), 1, "{notes:?}");
     assert!(notes[0].ends_with("m.mtl:3: lines before the first newmtl are not read (3 lines)"), "{notes:?}");
 }
@@ -381,11 +390,11 @@ fn lines_before_the_first_newmtl_are_counted() {
 fn lines_that_replace_another_value_are_counted() {
     let first = "newmtl a\nKd 1 0 0\nKd 0 1 0\nmap_Kd a.png\nmap_Kd b.png\nKd 0 1 0\nNs 1\n";
     let mtl = format!("{first}newmtl b\nKd 1 0 0\nKd 1.0 0 0\nNs 2\n");
-    let notes = notes_of("", &mtl);
+    let notes = notes_of("usemtl b", &mtl);
     let expected = "m.mtl:3: a later line replaces another value in the same material: Kd, map_Kd (2 lines)";
     assert!(notes.len() == 1 && notes[0].ends_with(expected), "{notes:?}");
     for line in ["Ks 1\nKs 0", "illum 1\nillum 2", "Ke 1\nke 2", "map_d a.png\nmap_d b.png"] {
-        let notes = notes_of("", &format!("newmtl a\n{line}\n"));
+        let notes = notes_of("usemtl b", &format!("newmtl a\n{line}\nnewmtl b\n"));
         assert_eq!(notes.len(), 1, "{line}: {notes:?}");
     }
 }
@@ -447,6 +456,14 @@ fn parts_of_pictures_that_are_not_used_are_noted_once() {
     for (mtl, expected) in cases {
         assert_eq!(notes(mtl), expected, "{mtl}");
     }
+    for (name, alphas) in [("half.png", [160, 160]), ("hole.png", [0, 255])] {
+        texels.pixels_mut().zip(alphas).for_each(|(texel, alpha)| texel.0[3] = alpha);
+        texels.save(folder.path().join(name)).unwrap();
+    }
+    let partial =
+        "partial opacity of 1 texture is not used (`half.png`): every point is either opaque or a hole";
+    assert_eq!(notes("newmtl a\nmap_d half.png\nnewmtl b\nmap_d half.png\n"), [partial]);
+    assert_eq!(notes("newmtl a\nmap_d hole.png\nnewmtl b\n"), [""; 0]);
     let black = |key: &str, materials: &str| {
         format!(
             "{key} 0 0 0 beside map_{key} counts as {key} 1 1 1, since black would hide the texture ({materials})"
@@ -548,7 +565,7 @@ fn a_material_has_its_three_channels_or_the_default() {
 #[test]
 fn lines_with_unusable_values_are_counted_by_kind_and_the_others_are_used() {
     let mtl = "newmtl a\nKd 0.5\nKd x\nKe nan 0 0\nd inf\nTf spectral a.rfl\nKd xyz 1 1 1\nd -halo 0.5\nTr 0 x\nnewmtl b\nKd -1\nKd y\n";
-    let notes = notes_of("", mtl);
+    let notes = notes_of("usemtl b", mtl);
     let kinds = [
         ("m.mtl:3: `x` in Kd (expected ", "raycl ignores 3 such lines. "),
         (
@@ -748,6 +765,10 @@ fn values_after_those_of_a_colour_or_a_shininess_are_noted() {
     let expected =
         "m.mtl:2: values after the third of Kd, Ks or Ke, or after the first of Ns, are not read (3 lines)";
     assert!(file.notes.len() == 1 && file.notes[0].ends_with(expected), "{:?}", file.notes);
-    let usual = notes_of("usemtl a", "newmtl a\nKd 0.5 # 1 2 3\nKs 1 1 1 # white\nNs 10\n");
+    let expected = "m.mtl:2: a Kd or Ks of 16 or more counts as a reflectance, of which 1 is white, not as a channel from 0 \
+                    to 255 (2 lines)";
+    let bright = notes_of("usemtl a", "newmtl a\nKd 200 0 0\nKs 16\nKe 200 0 0\n");
+    assert!(bright.len() == 1 && bright[0].ends_with(expected), "{bright:?}");
+    let usual = notes_of("usemtl a", "newmtl a\nKd 1.6 15 0.5 # 20\nKs 1 1 1 # white\nNs 10\n");
     assert_eq!(usual, Vec::<String>::new());
 }

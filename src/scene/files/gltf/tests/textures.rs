@@ -414,10 +414,12 @@ fn emitted_light_is_the_factor_times_its_strength_and_its_texture() {
     assert_eq!(colour(""), ([0.0, 0.5, 1.0], Some(0), 1, none()));
     let moved = colour(r#", "extensions": {"KHR_texture_transform": {"offset": [0.5, 0]}}"#);
     let note = "1 material asks for emitted light from a texture that is placed differently from the colour texture \
-                (emissiveTexture), which raycl does not support: the surface emits no light";
+                (emissiveTexture), which raycl does not support: the surface emits no light, unless \
+                the scene sets `emitted`";
     assert_eq!((moved.0, moved.1, moved.3.as_str()), ([0.0; 3], None, note));
     // A material whose emissive texture does not exist emits no light, although without an emissive texture it would.
-    let note = "texture 1 does not exist: its material emits no light".to_owned();
+    let note =
+        "texture 1 does not exist: its material emits no light, unless the scene sets `emitted`".to_owned();
     assert_eq!(of(&both.replace(r#""index": 0"#, r#""index": 1"#)), ([0.0; 3], None, 0, note));
     let bright = of(r#""emissiveFactor": [2, 0, 0]"#);
     assert_eq!(bright.0, [1.0, 0.0, 0.0]);
