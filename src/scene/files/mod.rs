@@ -99,8 +99,8 @@ pub(in crate::scene) fn format(opened: &Opened, path: &Path) -> Option<MeshForma
     }
 }
 
-/// Returns a note if the format of a file's contents, `format`, differs from the format that the file's extension stands
-/// for. `None` stands for a scene file. A file without an extension has no note.
+/// Returns a note if the format of a file's contents, `format`, differs from the format that the file's extension
+/// stands for. `None` stands for a scene file. A file without an extension has no note.
 pub(in crate::scene) fn unexpected_ending(format: Option<MeshFormat>, path: &Path) -> Option<String> {
     let usual = format == MeshFormat::from_ending(path) || unpacked_name(path).extension().is_none();
     let format = format.map_or("a scene (TOML)", MeshFormat::name);

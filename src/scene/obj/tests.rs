@@ -493,7 +493,8 @@ fn faces_without_a_material_are_noted_if_the_file_has_materials() {
     let early = format!("2 triangles before the first `usemtl` have no material: {default}");
     assert_eq!(notes_of("f 1 2 3\nf 1 2 3\nusemtl a", red), [early.as_str()]);
     let coloured = notes_of("v 0 0 1 1 0 0\nf 1 2 4\nusemtl a\nf 1 2 4", red);
-    assert!(coloured.iter().any(|note| note.ends_with("only the vertices' colours are shown, unless the scene sets a `k_l`")));
+    let shown = "only the vertices' colours are shown, unless the scene sets a `k_l`";
+    assert!(coloured.iter().any(|note| note.ends_with(shown)), "{coloured:?}");
     for (obj, mtl) in [("", ""), ("usemtl a\nf 1 2 3", red), ("", "newmtl\nKd 1 0 0\n")] {
         assert_eq!(notes_of(obj, mtl), [""; 0], "{obj} {mtl}");
     }

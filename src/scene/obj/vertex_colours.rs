@@ -33,8 +33,8 @@ pub(super) struct VertexColours {
     without: usize,
 }
 
-/// Returns a note on the triangles on which colours of vertices change a texture; `None` if there are none. `linear` has
-/// the linear colour of each vertex.
+/// Returns a note on the triangles on which colours of vertices change a texture; `None` if there are none. `linear`
+/// has the linear colour of each vertex.
 pub(super) fn note_textured(mesh: &Mesh, linear: &[Vec3]) -> Option<String> {
     let is_white = |vertex: &u32| linear[*vertex as usize].min_element() >= LEAST_WHITE;
     let rows = mesh.triangles.iter().zip(&mesh.textures.mapped);
