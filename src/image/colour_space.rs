@@ -1,21 +1,36 @@
 //! Finds the colour space that a picture of 8 or 16 bits per channel states.
 
+use super::exif::states_adobe_rgb;
 use super::icc::is_srgb;
 use super::png_chunks::png_chunks;
-use super::stated::{CLOSE, SRGB};
-
-/// sRGB's gamma in a PNG: the reciprocal of 2.2, in 100,000ths.
-const USUAL_GAMMA: u32 = 45_455;
-/// A gamma counts as sRGB's if it differs by at most this value, 5%.
-const CLOSE_GAMMA: u32 = 2_273;
+use super::stated::{CLOSE, SRGB, is_srgb_gamma};
+use super::{bmp, tga};
+use image::{ImageDecoder, ImageFormat};
 
 /// Returns the colour space that a picture states, as text for messages; `None` if the picture states none, or sRGB.
-/// `profile` is the picture's ICC profile.
-pub fn other_colour_space(bytes: &[u8], profile: Option<&[u8]>) -> Option<String> {
-    let other_profile = || (!profile.is_some_and(is_srgb)).then(|| "an ICC profile".to_owned());
-    if !bytes.starts_with(b"\x89PNG") {
-        return profile.and_then(|_| other_profile());
+/// `decoder` is a decoder of the picture.
+pub fn other_colour_space(
+    bytes: &[u8],
+    format: ImageFormat,
+    decoder: &mut impl ImageDecoder,
+) -> Option<String> {
+    let profile = decoder.icc_profile().ok().flatten();
+    match (format, profile.as_deref()) {
+        (ImageFormat::Png, profile) => of_png(bytes, profile),
+        (_, Some(profile)) => (!is_srgb(profile)).then(|| "an ICC profile".to_owned()),
+        (ImageFormat::Jpeg, None) => {
+            let exif = decoder.exif_metadata().ok().flatten();
+            exif.is_some_and(|exif| states_adobe_rgb(&exif)).then(|| "Adobe RGB in Exif".to_owned())
+        }
+        (ImageFormat::Bmp, None) => bmp::other_space(bytes),
+        (ImageFormat::Tga, None) => tga::other_gamma(bytes),
+        _ => None,
     }
+}
+
+/// Returns the colour space that a PNG states. `profile` is the picture's ICC profile.
+fn of_png(bytes: &[u8], profile: Option<&[u8]>) -> Option<String> {
+    let other_profile = || (!profile.is_some_and(is_srgb)).then(|| "an ICC profile".to_owned());
     let header: Vec<_> = png_chunks(bytes).take_while(|(kind, ..)| *kind != b"IDAT").collect();
     let chunk = |name: &[u8]| header.iter().find(|(kind, ..)| *kind == name).map(|(_, _, data)| *data);
     // A reader uses the first of these that the picture has: cICP, iCCP, sRGB, or gAMA and cHRM together (PNG, third
@@ -34,9 +49,9 @@ pub fn other_colour_space(bytes: &[u8], profile: Option<&[u8]>) -> Option<String
 }
 
 fn other_gamma(data: &[u8]) -> Option<String> {
-    let gamma = u32::from_be_bytes(*data.first_chunk()?);
-    let is_other = gamma.abs_diff(USUAL_GAMMA) > CLOSE_GAMMA;
-    is_other.then(|| format!("gAMA {}", f64::from(gamma) / 1e5))
+    // A PNG states the reciprocal of gamma, in 100,000ths.
+    let gamma = f64::from(u32::from_be_bytes(*data.first_chunk()?)) / 1e5;
+    (!is_srgb_gamma(gamma)).then(|| format!("gAMA {gamma}"))
 }
 
 /// White comes first in a PNG's chunk cHRM, and last in [`SRGB`].
@@ -50,7 +65,11 @@ fn other_primaries(data: &[u8]) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::exif::tests::exif;
+    use super::super::tga::tests::tga;
     use super::*;
+    use image::codecs::{jpeg::JpegDecoder, tga::TgaDecoder};
+    use std::io::Cursor;
 
     /// The types and the data of chunks.
     type Chunks<'a> = &'a [(&'a [u8], &'a [u8])];
@@ -81,13 +100,34 @@ mod tests {
             (&[(b"IDAT", &[]), (b"gAMA", &linear)], None),
         ];
         for (chunks, expected) in cases {
-            assert_eq!(other_colour_space(&png(chunks), None).as_deref(), expected, "{chunks:?}");
+            assert_eq!(of_png(&png(chunks), None).as_deref(), expected, "{chunks:?}");
         }
     }
 
     #[test]
-    fn another_picture_states_its_colour_space_in_a_profile() {
-        assert_eq!(other_colour_space(b"\xff\xd8", None), None);
-        assert_eq!(other_colour_space(b"\xff\xd8", Some(b"junk")).as_deref(), Some("an ICC profile"));
+    fn another_picture_states_its_colour_space_in_a_profile_in_exif_or_in_its_header() {
+        let mut bytes = Cursor::new(Vec::new());
+        let _ = image::RgbImage::new(1, 1).write_to(&mut bytes, ImageFormat::Jpeg);
+        let jpeg = bytes.into_inner();
+        let with = |segments: &[&[u8]]| {
+            let segment = |data: &&[u8]| [&[0, data.len() as u8 + 2], *data].concat();
+            let segments =
+                segments.iter().flat_map(|data| [vec![0xff, data[0]], segment(&&data[1..])].concat());
+            [&jpeg[..2], &segments.collect::<Vec<_>>(), &jpeg[2..]].concat()
+        };
+        let stated = |bytes: &[u8]| {
+            let mut decoder = JpegDecoder::new(Cursor::new(bytes)).ok()?;
+            other_colour_space(bytes, ImageFormat::Jpeg, &mut decoder)
+        };
+        let adobe = [&b"\xe1Exif\0\0"[..], &exif(false, 2, b"R03\0")].concat();
+        let usual = [&b"\xe1Exif\0\0"[..], &exif(false, 1, b"R98\0")].concat();
+        let profile = b"\xe2ICC_PROFILE\0\x01\x01junk";
+        assert_eq!([stated(&jpeg), stated(&with(&[&usual]))], [None, None]);
+        assert_eq!(stated(&with(&[&adobe])).as_deref(), Some("Adobe RGB in Exif"));
+        assert_eq!(stated(&with(&[&adobe, profile])).as_deref(), Some("an ICC profile"));
+        let tga = tga([0; 4], [10, 10], 3);
+        let mut decoder = TgaDecoder::new(Cursor::new(&tga)).ok();
+        let stated = decoder.as_mut().and_then(|decoder| other_colour_space(&tga, ImageFormat::Tga, decoder));
+        assert_eq!(stated.as_deref(), Some("gamma 1.00"));
     }
 }

@@ -39,9 +39,13 @@ impl HdrExposure {
         let decoder = HdrDecoder::new(Cursor::new(bytes));
         let damaged = |error| format!("cannot be decoded ({})", decoder_message(error));
         let header = decoder.map_err(damaged)?.metadata();
-        let exposure = positive("EXPOSURE", header.exposure.unwrap_or(1.0))?;
+        let of = |key: &str, value: f32| {
+            let lines = header.custom_attributes.iter().filter(|(name, _)| name == key).count();
+            positive(key, lines, value)
+        };
+        let exposure = of("EXPOSURE", header.exposure.unwrap_or(1.0))?;
         let (red, green, blue) = header.color_correction.unwrap_or((1.0, 1.0, 1.0));
-        let correction = |value: f32| positive("COLORCORR", value);
+        let correction = |value: f32| of("COLORCORR", value);
         Ok(Self([correction(red)?, correction(green)?, correction(blue)?].map(|value| exposure * value)))
     }
 
@@ -51,11 +55,16 @@ impl HdrExposure {
     }
 }
 
-fn positive(key: &str, value: f32) -> Result<f64, String> {
-    if value > 0.0 && value.is_finite() {
-        return Ok(f64::from(value));
+/// Returns the product of the numbers of all lines `key`, or an error if it is not positive and finite.
+fn positive(key: &str, lines: usize, product: f32) -> Result<f64, String> {
+    if product > 0.0 && product.is_finite() {
+        return Ok(f64::from(product));
     }
-    Err(format!("has the {key} {value} in its header; expected a positive, finite number"))
+    let stated = match lines {
+        1 => format!("the {key} {product}"),
+        _ => format!("{lines} lines {key} with the product {product}"),
+    };
+    Err(format!("has {stated} in its header; expected a positive, finite number"))
 }
 
 #[cfg(test)]
@@ -93,6 +102,8 @@ mod tests {
             ("EXPOSURE=nan\n", "EXPOSURE NaN "),
             ("EXPOSURE=inf\n", "EXPOSURE inf "),
             ("COLORCORR=1 0 1\n", "COLORCORR 0 "),
+            ("EXPOSURE=2\nEXPOSURE=0\n", "has 2 lines EXPOSURE with the product 0 in its header; "),
+            ("COLORCORR=1 1 3e38\nCOLORCORR=1 1 9\n", "2 lines COLORCORR with the product inf "),
         ] {
             let refused = HdrExposure::of(&picture("#?RADIANCE", lines)).unwrap_err();
             assert!(refused.contains(expected), "{lines}: {refused}");

@@ -1,12 +1,14 @@
 //! Pictures: radiance per pixel, the conversion to 8-bit colours, differences between pictures, and picture
 //! files.
 
+mod bmp;
 mod colour;
 mod colour_space;
 mod compare;
 mod decode;
 mod display;
 mod encode;
+mod exif;
 mod file;
 mod frame;
 mod hdr_header;
@@ -18,7 +20,9 @@ mod movie;
 mod png_chunks;
 mod png_rows;
 mod stated;
+mod tga;
 
+pub use bmp::has_fourth_channel;
 pub use colour::{SCALE_HEIGHT, viridis};
 pub use colour_space::other_colour_space;
 pub use compare::{
@@ -26,7 +30,7 @@ pub use compare::{
 };
 #[cfg(test)]
 pub use decode::ODD_PALETTE;
-pub use decode::{decoder_message, is_animated, picture_reader};
+pub use decode::{decoder_message, is_animated, picture_reader, rest_of_picture};
 pub use display::{Shown, TOGETHER, to_rgb8, to_rgba8, transform};
 pub use file::{
     Values, check_alpha, check_image, check_png, check_target, frame_key, holds_radiance, read_picture, save,
@@ -37,7 +41,10 @@ pub use hdr_header::{HdrExposure, with_usual_signature};
 pub use incoming::Incoming;
 pub use layers::{counts, layer_targets, save_layers};
 pub use movie::Movie;
-pub use stated::{check_channels, header_remarks, unread_channels};
+pub use stated::{check_channels, exr_rest, header_remarks, unread_channels};
+#[cfg(test)]
+pub use tga::tests::tga;
+pub use tga::{TGA_FOOTER, TgaAlpha, has_alpha_bit};
 
 use rayon::prelude::*;
 

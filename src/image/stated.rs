@@ -13,8 +13,17 @@ pub(super) const SRGB: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0
 /// Chromaticities count as sRGB's if each of the eight numbers differs from sRGB's by at most this value.
 /// With this tolerance, the chromaticities that the program Radiance assumes count as sRGB's.
 pub(super) const CLOSE: f32 = 0.03;
+/// sRGB's curve is nearly a power with this exponent.
+const GAMMA: f64 = 2.2;
+/// A gamma counts as sRGB's if it differs from [`GAMMA`] by at most this share.
+const CLOSE_GAMMA: f64 = 0.05;
 /// The channels of an OpenEXR picture that the decoder reads.
 const READ: [&str; 4] = ["R", "G", "B", "A"];
+
+/// Returns true if a gamma is nearly sRGB's. Some programs state the reciprocal.
+pub(super) fn is_srgb_gamma(gamma: f64) -> bool {
+    [gamma, 1.0 / gamma].iter().any(|gamma| (gamma / GAMMA - 1.0).abs() <= CLOSE_GAMMA)
+}
 
 /// Returns an error if the decoder can read no layer of an OpenEXR picture, because each layer lacks R, G or B, or is
 /// deep data. The decoder refuses these pictures, too, but its message does not name the channels that the file has.
@@ -48,7 +57,7 @@ pub fn unread_channels(bytes: &[u8]) -> Vec<String> {
 }
 
 /// Returns remarks on a picture's header: on other primaries or another white than sRGB's, on a cube map, on a pixel
-/// aspect ratio other than 1, and on a GAMMA other than 1. The caller puts the file's name before each remark.
+/// aspect ratio other than 1, on a luminance of white, on a GAMMA other than 1 and on a VIEW. The caller puts the file's name before each remark.
 pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let header = headers.iter().find(|header| is_decoded(header));
@@ -78,7 +87,25 @@ pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let gamma = hdr_gamma(bytes).filter(|gamma| *gamma != 1.0).map(|gamma| {
         format!("states GAMMA={gamma}, which raycl ignores: the picture's values count as linear light")
     });
-    primaries.into_iter().chain(cube).chain(aspect).chain(gamma).collect()
+    let luminance =
+        header.and_then(|header| header.own_attributes.white_luminance).filter(|stated| *stated != 1.0);
+    let luminance = luminance.map(|stated| {
+        format!("states that white is {stated} cd/m2, which raycl ignores: its values count as radiance")
+    });
+    let view = hdr_view(bytes).map(|view| {
+        format!("states the projection {view} (in VIEW), but is used as an equirectangular picture")
+    });
+    let remarks = primaries.into_iter().chain(cube).chain(aspect).chain(luminance);
+    remarks.chain(gamma).chain(view).collect()
+}
+
+/// Returns the bytes after the last block of an OpenEXR picture; no bytes if the file is damaged, or if its blocks do
+/// not follow each other.
+pub fn exr_rest(bytes: &[u8]) -> &[u8] {
+    let mut source = Cursor::new(bytes);
+    let blocks = exr::block::read(&mut source, false).and_then(|reader| reader.all_chunks(false));
+    let is_whole = blocks.is_ok_and(|mut blocks| blocks.all(|block| block.is_ok()));
+    if is_whole { &bytes[source.position() as usize..] } else { &[] }
 }
 
 /// Returns the headers of an OpenEXR picture, one per layer. Returns no header if the bytes are not an
@@ -115,6 +142,15 @@ fn hdr_gamma(bytes: &[u8]) -> Option<f32> {
     let header = hdr_header(bytes)?;
     let (_, text) = header.custom_attributes.iter().rfind(|(key, _)| key == "GAMMA")?;
     text.trim().parse().ok()
+}
+
+/// Returns the projection that the last line VIEW in the header of a Radiance HDR picture states, such as `-vta`; `None`
+/// if the header has no such line. Radiance has no name for an equirectangular picture, so each stated projection is
+/// another one.
+fn hdr_view(bytes: &[u8]) -> Option<String> {
+    let header = hdr_header(bytes)?;
+    let (_, text) = header.custom_attributes.iter().rfind(|(key, _)| key == "VIEW")?;
+    text.split_whitespace().find(|option| option.starts_with("-vt")).map(str::to_owned)
 }
 
 /// Returns the numbers of the last line PRIMARIES in the header of a Radiance HDR picture; `None` if the
@@ -204,18 +240,23 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_aspect_ratio_and_a_gamma_are_remarked() {
+    fn a_pixel_aspect_ratio_a_gamma_a_view_and_a_luminance_are_remarked() {
         let aspect = "states a pixel aspect ratio of 2, which raycl ignores";
         let gamma = "states GAMMA=2.2, which raycl ignores: the picture's values count as linear light";
         assert_eq!(header_remarks(&hdr("PIXASPECT=2\n")), [aspect]);
         assert_eq!(header_remarks(&hdr("PIXASPECT=2\nGAMMA= 2.2\n")), [aspect, gamma]);
         assert_eq!(header_remarks(&hdr("PIXASPECT=1\nGAMMA=1.0\n")), [""; 0]);
+        let view = "states the projection -vta (in VIEW), but is used as an equirectangular picture";
+        assert_eq!(header_remarks(&hdr("VIEW= -vta -vh 180 -vv 180\n")), [view]);
+        assert_eq!(header_remarks(&hdr("VIEW= -vh 180 -vv 180\n")), [""; 0]);
         let mut image =
             Image::from_channels((4, 2), SpecificChannels::rgb(|_: Vec2<usize>| (0.5_f32, 0.5_f32, 0.5_f32)));
         image.attributes.pixel_aspect = 2.0;
+        image.layer_data.attributes.white_luminance = Some(100.0);
         let mut bytes = Cursor::new(Vec::new());
         image.write().to_buffered(&mut bytes).unwrap();
-        assert_eq!(header_remarks(bytes.get_ref()), [aspect]);
+        let luminance = "states that white is 100 cd/m2, which raycl ignores: its values count as radiance";
+        assert_eq!(header_remarks(bytes.get_ref()), [aspect, luminance]);
     }
 
     #[test]

@@ -4,7 +4,8 @@
 use super::{INPUTS, files};
 use crate::filetype::FileType;
 use crate::image::{
-    HdrExposure, check_channels, decoder_message, header_remarks, unread_channels, with_usual_signature,
+    HdrExposure, check_channels, decoder_message, exr_rest, header_remarks, unread_channels,
+    with_usual_signature,
 };
 use crate::memory::Available;
 use crate::reader::{self, Kind};
@@ -142,8 +143,10 @@ impl SkyPicture {
         let clear = clear_texels(&picture);
         let picture = picture.into_rgb32f();
         let texels = picture.pixels().map(|texel| exposure.radiance(texel.0)).collect();
-        // The decoder of OpenEXR files reads parts of the file in any order, so only the rest of an HDR is known.
-        let rest = if format == ImageFormat::Hdr { &bytes[source.position() as usize..] } else { &[] };
+        let rest = match format {
+            ImageFormat::Hdr => &bytes[source.position() as usize..],
+            _ => exr_rest(bytes),
+        };
         let remarks =
             header_remarks(bytes).into_iter().chain(stretched(size)).chain(clear).chain(surplus(rest));
         let (remarks, unread) = (remarks.collect(), unread_channels(bytes));
@@ -327,6 +330,10 @@ mod tests {
         };
         assert_eq!(remarks([1.0, 0.999_999_9]), [""; 0]);
         assert_eq!(remarks([1.0, 0.0]), ["has an alpha other than 1 in 1 texel; alpha is not used"]);
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, [&whole[..], b"abc"].concat()).unwrap();
+        let after = "has 3 bytes after its last row, which raycl ignores";
+        assert_eq!(SkyPicture::read(&path).unwrap().remarks[1..], [after]);
         let path = folder.path().join("sky.hdr");
         let remarks = |rest: &[u8]| {
             let header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n";
@@ -334,7 +341,7 @@ mod tests {
             SkyPicture::read(&path).unwrap().remarks
         };
         assert_eq!([&b""[..], b" \r\n"].map(remarks), [[""; 0]; 2]);
-        assert_eq!(remarks(b"abc"), ["has 3 bytes after its last row, which raycl ignores"]);
+        assert_eq!(remarks(b"abc"), [after]);
     }
 
     #[test]

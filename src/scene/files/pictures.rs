@@ -1,11 +1,15 @@
 //! Reads textures from picture files.
 
 use super::unused_parts::{Part, UnusedParts};
-use crate::image::{decoder_message, is_animated, other_colour_space, picture_reader};
+use crate::image::{
+    TGA_FOOTER, TgaAlpha, decoder_message, has_alpha_bit, has_fourth_channel, is_animated,
+    other_colour_space, picture_reader, rest_of_picture,
+};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use crate::scene::obj::{Reach, quoted_name};
 use crate::scene::{Texture, Wrap};
+use crate::words::counted;
 use image::{DynamicImage, ImageDecoder, ImageFormat, Limits};
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -23,9 +27,6 @@ const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// bytes. A file whose first bytes are of no known format counts as a TGA if it has the footer or the extension of a
 /// TGA.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
-/// The last bytes of a TGA of version 2 (Truevision, "TGA File Format Specification", 1991). Files of older
-/// versions have no footer.
-const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE.\0";
 
 /// Alphas that are clearly neither transparent nor opaque.
 const PARTIAL_ALPHAS: RangeInclusive<u32> = 16..=239;
@@ -231,22 +232,45 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     room_for(size, 16, &Available::read())?;
     let unused = unused_parts(bytes, format, &mut decoder);
     let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
-    let mut texels = words(&picture);
-    if format == ImageFormat::Tga && has_unused_alpha(bytes, &texels) {
-        texels = texels.iter().map(|texel| texel | 0xff00_0000).collect();
-    }
+    let texels = words(&picture);
+    let texels = if format == ImageFormat::Tga { with_tga_alpha(bytes, texels) } else { texels };
     Ok(([width, height], texels, unused))
+}
+
+/// Returns the texels of a TGA with the alpha that the file states.
+fn with_tga_alpha(bytes: &[u8], texels: Arc<[u32]>) -> Arc<[u32]> {
+    match TgaAlpha::of(bytes) {
+        TgaAlpha::Straight if !has_unused_alpha(bytes, &texels) => texels,
+        TgaAlpha::Premultiplied => texels.iter().map(|texel| divided_by_alpha(*texel)).collect(),
+        TgaAlpha::Straight | TgaAlpha::Undefined => texels.iter().map(|texel| texel | 0xff00_0000).collect(),
+    }
+}
+
+/// Returns a texel whose colours are not multiplied by alpha, from a texel whose colours are.
+fn divided_by_alpha(texel: u32) -> u32 {
+    let [colours @ .., alpha] = texel.to_le_bytes();
+    let whole = u32::from(alpha).max(1);
+    let [red, green, blue] =
+        colours.map(|value| ((u32::from(value) * 255 + whole / 2) / whole).min(255) as u8);
+    u32::from_le_bytes([red, green, blue, alpha])
 }
 
 /// Returns the parts of a picture that are not used, each with a text for messages (see [`Decoded`]).
 fn unused_parts(bytes: &[u8], format: ImageFormat, decoder: &mut impl ImageDecoder) -> Vec<(Part, String)> {
-    let profile = decoder.icc_profile().ok().flatten();
-    let space = other_colour_space(bytes, profile.as_deref()).map(|space| (Part::ColourSpace, space));
+    let space = other_colour_space(bytes, format, decoder).map(|space| (Part::ColourSpace, space));
     let orientation = decoder.orientation().map_or(1, |orientation| orientation.to_exif());
     let turned = (orientation != 1).then(|| (Part::Orientation, format!("Exif {orientation}")));
     let animated = format == ImageFormat::Png && is_animated(bytes);
     let animated = animated.then(|| (Part::Animation, String::new()));
-    space.into_iter().chain(turned).chain(animated).collect()
+    let rest = rest_of_picture(bytes);
+    let kind = if image::guess_format(rest).is_ok() { ", another picture" } else { "" };
+    let rest = (!rest.is_empty()).then(|| (Part::Rest, counted(rest.len(), "byte") + kind));
+    let fourth = match format {
+        ImageFormat::Bmp => !decoder.color_type().has_alpha() && has_fourth_channel(bytes),
+        _ => format == ImageFormat::Tga && has_alpha_bit(bytes),
+    };
+    let fourth = fourth.then(|| (Part::FourthChannel, String::new()));
+    space.into_iter().chain(turned).chain(animated).chain(rest).chain(fourth).collect()
 }
 
 /// Refuses a picture of this width and height if decoding it needs more memory than is available.
@@ -277,6 +301,7 @@ fn words(picture: &DynamicImage) -> Arc<[u32]> {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::image::tga as tga_file;
     use crate::scene::obj::Permitted;
     use std::io::Cursor;
 
@@ -477,6 +502,37 @@ mod tests {
         assert_eq!(texels(0, 0), [0xff01_0203, 0xff04_0506]);
         assert_eq!(texels(0, 9), [0x0001_0203, 0x0904_0506]);
         assert_eq!(texels(8, 0), [0x0001_0203, 0x0004_0506]);
+    }
+
+    #[test]
+    fn a_tga_is_read_as_its_extension_area_says() {
+        let texel =
+            |attributes| decoded(&tga_file([10, 20, 100, 50], [0; 2], attributes), None).unwrap().1[0];
+        assert_eq!([3, 1, 4].map(texel), [0x320a_1464, 0xff0a_1464, 0x3233_66ff]);
+    }
+
+    #[test]
+    fn bytes_that_are_not_used_are_noted() {
+        let mut bytes = Cursor::new(Vec::new());
+        image::RgbaImage::from_fn(2, 1, |x, _| image::Rgba([0, 0, 0, 90 * x as u8]))
+            .write_to(&mut bytes, ImageFormat::Bmp)
+            .unwrap();
+        let mut bmp = bytes.into_inner();
+        // A BMP with bit masks has alpha. Without masks (compression 0), the bytes are reserved.
+        assert_eq!(decoded(&bmp, None).unwrap().2, []);
+        bmp[30..34].fill(0);
+        let mut tga = [tga(2, 1), vec![0; 4]].concat();
+        (tga[16], tga[17]) = (16, 1);
+        let png = png(1, 1);
+        for (bytes, part, stated) in [
+            (bmp, Part::FourthChannel, ""),
+            (tga, Part::FourthChannel, ""),
+            ([&png[..], b"more"].concat(), Part::Rest, "4 bytes"),
+            ([&png[..], b"\xff\xd8\xff"].concat(), Part::Rest, "3 bytes, another picture"),
+        ] {
+            let unused = decoded(&bytes, Some(ImageFormat::Tga)).unwrap().2;
+            assert_eq!(unused, [(part, stated.to_owned())]);
+        }
     }
 
     #[test]

@@ -9,6 +9,8 @@ pub(in crate::scene) enum Part {
     ColourSpace,
     Orientation,
     Animation,
+    Rest,
+    FourthChannel,
     Alpha,
     Opacity,
 }
@@ -20,6 +22,8 @@ impl Part {
             Self::ColourSpace => ("colour space", "values count as sRGB"),
             Self::Orientation => ("orientation", "the picture is neither turned nor mirrored"),
             Self::Animation => ("animation", "only one picture is shown"),
+            Self::Rest => ("rest", "only the first picture of the file is shown"),
+            Self::FourthChannel => ("fourth channel", "it does not count as alpha"),
             Self::Alpha => ("alpha", "without a map_d, a surface has no holes"),
             Self::Opacity => ("partial opacity", "every point is either opaque or a hole"),
         }

@@ -1,0 +1,82 @@
+//! Reads from a TGA's footer and extension area what the decoder does not use (Truevision, "TGA File Format
+//! Specification", 1991).
+
+use super::stated::is_srgb_gamma;
+
+/// The last bytes of a TGA of version 2. Files of older versions have no footer.
+pub const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE.\0";
+/// Number of bytes of the extension area.
+const EXTENSION_BYTES: usize = 495;
+
+/// What the fourth byte of a TGA's texel means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TgaAlpha {
+    /// The byte is alpha, and the colours are not multiplied by it.
+    Straight,
+    /// The byte is alpha, and the colours are multiplied by it.
+    Premultiplied,
+    /// The byte has no meaning: the texel is opaque.
+    Undefined,
+}
+
+impl TgaAlpha {
+    pub fn of(bytes: &[u8]) -> Self {
+        match extension(bytes).map(|extension| extension[494]) {
+            Some(1 | 2) => Self::Undefined,
+            Some(4) => Self::Premultiplied,
+            _ => Self::Straight,
+        }
+    }
+}
+
+/// Returns the gamma that a TGA states, as text for messages; `None` if it states none, or a gamma like sRGB's.
+pub fn other_gamma(bytes: &[u8]) -> Option<String> {
+    let extension = extension(bytes)?;
+    let number = |at: usize| f64::from(u16::from_le_bytes([extension[at], extension[at + 1]]));
+    let (above, below) = (number(478), number(480));
+    let gamma = above / below;
+    (above > 0.0 && below > 0.0 && !is_srgb_gamma(gamma)).then(|| format!("gamma {gamma:.2}"))
+}
+
+/// Returns true if a TGA has 16 bits per texel, and its header states that one of them is alpha. The decoder does not
+/// use this bit.
+pub fn has_alpha_bit(bytes: &[u8]) -> bool {
+    matches!(bytes.get(16..18), Some([16, description]) if description & 15 == 1)
+}
+
+/// Returns the extension area, whose place the footer states; `None` if a TGA has none.
+fn extension(bytes: &[u8]) -> Option<&[u8; EXTENSION_BYTES]> {
+    let place = bytes.strip_suffix(TGA_FOOTER)?.last_chunk::<8>()?.first_chunk()?;
+    let place = u32::from_le_bytes(*place) as usize;
+    bytes.get(place..).filter(|_| place > 0)?.first_chunk()
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+
+    /// Returns a TGA of one texel with an extension area that states a gamma and the meaning of the fourth byte.
+    pub fn tga(texel: [u8; 4], gamma: [u8; 2], attributes: u8) -> Vec<u8> {
+        let header = [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 32, 8];
+        let mut extension = [0; EXTENSION_BYTES];
+        (extension[478], extension[480], extension[494]) = (gamma[0], gamma[1], attributes);
+        [&header[..], &texel, &extension, &[22, 0, 0, 0], &[0; 4], TGA_FOOTER].concat()
+    }
+
+    #[test]
+    fn the_extension_area_states_a_gamma() {
+        let stated = |gamma| other_gamma(&tga([0; 4], gamma, 3));
+        let expected = [None, None, None, Some("gamma 1.00".to_owned())];
+        assert_eq!([[0, 0], [22, 10], [45, 99], [10, 10]].map(stated), expected);
+        assert_eq!(other_gamma(&tga([0; 4], [10, 10], 3)[..100]), None, "a file without a footer");
+    }
+
+    #[test]
+    fn the_extension_area_states_what_the_fourth_byte_means() {
+        let stated = |attributes| TgaAlpha::of(&tga([0; 4], [0; 2], attributes));
+        let (straight, undefined) = (TgaAlpha::Straight, TgaAlpha::Undefined);
+        let expected = [straight, undefined, undefined, straight, TgaAlpha::Premultiplied];
+        assert_eq!([0, 1, 2, 3, 4].map(stated), expected);
+        assert_eq!(TgaAlpha::of(b""), straight);
+    }
+}
