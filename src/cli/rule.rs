@@ -15,6 +15,7 @@ use crate::reader;
 use crate::rule::{Case, LastScene, Measured, Sweep, cases, source};
 use crate::scene::Scene;
 use crate::strategy::Class;
+use crate::words::counted;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -193,13 +194,19 @@ fn text(sweep: &Sweep) -> Result<String> {
             verdict.choice_ms.map_or("refused".to_owned(), ms),
             verdict.best.0.clone(),
             ms(verdict.best.1),
-            format!("{:.3}", verdict.ratio()),
+            verdict.choice_ms.map_or(String::new(), |_| format!("{:.3}", verdict.ratio())),
         ]);
     }
     let within = |most: f64| ratios.iter().filter(|ratio| **ratio <= most).count();
-    let worst = ratios.iter().copied().fold(1.0, f64::max);
+    let refused = ratios.iter().filter(|ratio| ratio.is_infinite()).count();
+    let refused =
+        if refused > 0 { format!("; {} refused", counted(refused, "choice")) } else { String::new() };
+    let worst = ratios.iter().copied().filter(|ratio| ratio.is_finite()).reduce(f64::max);
+    let worst = worst.map_or(String::new(), |worst| {
+        format!("; the worst choice takes {worst:.3} times as long as the best strategy")
+    });
     Ok(format!(
-        "device    {}, {}: shortest times of {} rounds\n{table}\nchoices   {} of {} take at most 5% longer than the best strategy, {} at most 10%; the worst choice takes {worst:.3} times as long as the best strategy",
+        "device    {}, {}: shortest times of {} rounds\n{table}\nchoices   {} of {} take at most 5% longer than the best strategy, {} at most 10%{worst}{refused}",
         common_name(&sweep.device),
         sweep.date,
         sweep.rounds,
@@ -277,10 +284,12 @@ mod tests {
         let words: Vec<&str> = row.split_whitespace().collect();
         assert_eq!(words, ["three", "1000000", "400000", choice, "5.000", "exhaustive", "4.000", "1.250"]);
         let refused = text(&sweep(class, vec![case("refused", None)])).unwrap();
-        assert!(
-            refused.contains(" refused ") && refused.contains("0 of 1 take at most 5% longer"),
-            "{refused}"
-        );
+        assert!(refused.contains(" refused ") && !refused.contains("inf"), "{refused}");
+        assert!(refused.contains("0 of 1 take at most 5% longer") && !refused.contains("worst"), "{refused}");
+        assert!(refused.ends_with("0 at most 10%; 1 choice refused"), "{refused}");
+        let both = text(&sweep(class, vec![case("refused", None), case("three", of(1.25))])).unwrap();
+        let last = "the worst choice takes 1.250 times as long as the best strategy; 1 choice refused";
+        assert!(both.ends_with(last), "{both}");
     }
 
     #[test]

@@ -83,6 +83,12 @@ impl<'a> Query<'a> {
     /// Returns the query's answer as it is written into a document; [`Figure::Nothing`] if the records have
     /// no figure for the query. The error names a mistake in the query, or says why a source cannot be read.
     pub fn answer(&self, sources: &Sources) -> Result<Figure, String> {
+        Ok(self.answer_and_number(sources)?.0)
+    }
+
+    /// Returns the same as [`Self::answer`], and the number before it was rounded. The number is `None` if the answer is
+    /// no number, or if it has a remark: such a number is not compared with others.
+    pub fn answer_and_number(&self, sources: &Sources) -> Result<(Figure, Option<f64>), String> {
         let answered = match &self.operands[..] {
             [one, other, ..] => (quotient(&operand(sources, one)?, &operand(sources, other)?), String::new()),
             [one] => {
@@ -93,8 +99,15 @@ impl<'a> Query<'a> {
             [] => (Figure::Nothing(String::new()), String::new()),
         };
         Ok(match answered {
-            (Figure::Number(value, form), remark) => Figure::Words(self.written(value, form) + &remark),
-            (other, _) => other,
+            (Figure::Number(value, Form::Count), _) if self.digits.is_some() && self.factor.is_none() => {
+                return Err(format!(
+                    "{value} is a count, which is not rounded: leave out the digits, or add a unit"
+                ));
+            }
+            (Figure::Number(value, form), remark) => {
+                (Figure::Words(self.written(value, form) + &remark), remark.is_empty().then_some(value))
+            }
+            (other, _) => (other, None),
         })
     }
 
@@ -260,6 +273,17 @@ mod tests {
         let folders = BTreeMap::from([("old".to_owned(), "tests/data/old-results".to_owned())]);
         let sources = Sources::new(Path::new(env!("CARGO_MANIFEST_DIR")), folders);
         Query::parse(query)?.answer(&sources)
+    }
+
+    #[test]
+    fn digits_of_a_count_are_refused() {
+        let query = "old: naive 1x1 triangles";
+        let error = answer(&format!("{query}, 2 digits")).unwrap_err();
+        assert!(
+            error.ends_with(" is a count, which is not rounded: leave out the digits, or add a unit"),
+            "{error}"
+        );
+        assert!(answer(query).is_ok() && answer(&format!("{query}, k, 2 digits")).is_ok());
     }
 
     fn words(query: &str) -> String {

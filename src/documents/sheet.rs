@@ -187,16 +187,18 @@ impl Sheet {
         Ok([line(heads), rule].into_iter().chain(table.rows.iter().enumerate().map(row)).collect())
     }
 
-    fn cell(&self, column: &Column, row: &Row) -> std::result::Result<String, String> {
+    /// Returns a cell's text, and its number before it was rounded.
+    fn cell(&self, column: &Column, row: &Row) -> std::result::Result<(String, Option<f64>), String> {
         let query = column.of.replace("{}", row.words()) + &row.modifiers();
-        let figure = Query::parse(&query).and_then(|query| query.answer(&self.sources));
+        let figure = Query::parse(&query).and_then(|query| query.answer_and_number(&self.sources));
         match figure.map_err(|error| format!("nothing: {query}: {error}"))? {
-            Figure::Words(text) => Ok(text),
-            Figure::Nothing(why) if !why.is_empty() => Ok(why),
-            _ => column
-                .missing
-                .clone()
-                .ok_or_else(|| format!("nothing: {query}: no record, and the column has no `missing` text")),
+            (Figure::Words(text), number) => Ok((text, number)),
+            (Figure::Nothing(why), _) if !why.is_empty() => Ok((why, None)),
+            _ => {
+                column.missing.clone().map(|text| (text, None)).ok_or_else(|| {
+                    format!("nothing: {query}: no record, and the column has no `missing` text")
+                })
+            }
         }
     }
 }
@@ -206,12 +208,12 @@ pub fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
     format!("| {} |", cells.collect::<Vec<_>>().join(" | ")).replace("|  |", "| |")
 }
 
-/// Returns the cells of a column, with the least or the greatest number in bold. The cells stay as they are if `bold`
-/// is `None` or no cell is a number.
-fn emboldened(mut cells: Vec<String>, bold: Option<Bold>) -> Vec<String> {
+/// Returns the texts of a column's cells, with the least or the greatest number in bold. The numbers before rounding are
+/// compared. The texts stay as they are if `bold` is `None` or no cell has a number.
+fn emboldened(cells: Vec<(String, Option<f64>)>, bold: Option<Bold>) -> Vec<String> {
+    let (mut cells, numbers): (Vec<_>, Vec<_>) = cells.into_iter().unzip();
     let Some(bold) = bold else { return cells };
-    let numbers =
-        cells.iter().enumerate().filter_map(|(index, cell)| Some((index, cell.parse::<f64>().ok()?)));
+    let numbers = numbers.into_iter().enumerate().filter_map(|(index, number)| Some((index, number?)));
     let by_size = |(_, a): &(usize, f64), (_, b): &(usize, f64)| a.total_cmp(b);
     let chosen = match bold {
         Bold::Least => numbers.min_by(by_size),
@@ -236,6 +238,15 @@ mod tests {
         std::fs::write(root.path().join(SHEET), text).unwrap();
         let facts = Sheet::read(root.path()).unwrap().facts;
         assert_eq!(facts, ["all 8 x 8 pixels", "nine of 8 x 8", "8 x 8"]);
+    }
+
+    #[test]
+    fn the_number_before_rounding_decides_which_cell_is_bold() {
+        let cells = [("1.2", Some(1.24)), ("1.2", Some(1.16)), ("1.0 (n = 3)", None), ("1.3", Some(1.3))];
+        let bold = |bold| emboldened(cells.map(|(text, number)| (text.to_owned(), number)).to_vec(), bold);
+        assert_eq!(bold(Some(Bold::Least)), ["1.2", "**1.2**", "1.0 (n = 3)", "1.3"]);
+        assert_eq!(bold(Some(Bold::Most))[3], "**1.3**");
+        assert_eq!(bold(None)[1], "1.2");
     }
 
     #[test]

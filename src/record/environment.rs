@@ -55,12 +55,15 @@ pub struct Environment {
     pub sources: Vec<Source>,
 }
 
+/// The path, in a [`Source`], of the kernels that raycl's binary contains.
+pub const BUILT_IN: &str = "built in";
+
 /// An input file or folder of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Source {
     /// What the input is: "config", "scene" or "kernels".
     pub what: String,
-    /// The input's path; "built in" for the kernels that raycl's binary contains.
+    /// The input's path; [`BUILT_IN`] for the kernels that raycl's binary contains.
     pub path: String,
     /// BLAKE3 hash of the file's contents or, for the kernels, of the names and texts of all kernel files, including
     /// the built-in files that the user's folder does not replace; null if a file cannot be read.

@@ -48,7 +48,7 @@ pub use anchors::AnchorSample;
 pub use clocks::Clocks;
 pub(crate) use delay::unshared_delay;
 pub(crate) use environment::is_shown_as;
-pub use environment::{DeviceEnvironment, Environment, Host, Source};
+pub use environment::{BUILT_IN, DeviceEnvironment, Environment, Host, Source};
 pub(crate) use file_names::{file_name, file_names};
 pub use folder::{Folder, MERGE, latest, no_results, not_a_folder, point, read_records};
 pub use git::{git_state, git_state_of_folder};

@@ -101,9 +101,9 @@ pub fn microscope_page(
 /// Returns the command (`raycl compile`) that writes this page for a record's point on `device`. Returns
 /// `None` if the record lacks the local size or the scene's file. Also returns `None` if the run changed
 /// values of the scene, or if it cast several samples per pixel. A run that compared two folders of kernels
-/// gives `None` too, since records do not contain the paths of these folders. If the run used a single folder of
-/// kernels (`--cl-dir`), the command lacks this folder, so its page shows the built-in kernels instead.
-pub(super) fn command(record: &Record, device: &str) -> Option<String> {
+/// gives `None` too, since records do not contain the paths of these folders. `cl_dir` is the path of the folder of
+/// kernels of a run with a single `--cl-dir`.
+pub(super) fn command(record: &Record, device: &str, cl_dir: Option<&str>) -> Option<String> {
     let is_plain =
         record.scene_values.is_empty() && record.samples_per_pixel.is_none() && record.kernels_of.is_none();
     let scene = record.scene_file.as_ref().filter(|_| is_plain)?;
@@ -111,7 +111,9 @@ pub(super) fn command(record: &Record, device: &str) -> Option<String> {
     let (size, axes) = (format!("{x}x{y}"), record.strategy.replace(' ', ","));
     let strategy = record.preset.as_ref().unwrap_or(&axes);
     let mut words = vec!["raycl", "compile", scene, "--device", device, "--local-size", &size];
-    words.extend(["--strategy", strategy, "--out", "compiled"]);
+    words.extend(["--strategy", strategy]);
+    words.extend(cl_dir.iter().flat_map(|folder| ["--cl-dir", *folder]));
+    words.extend(["--out", "compiled"]);
     Some(words.into_iter().map(quote).collect::<Vec<_>>().join(" "))
 }
 
@@ -326,8 +328,10 @@ mod tests {
             ..Record::default()
         };
         let expected = "raycl compile scenes/teapot.toml --device 'a CPU' --local-size 8x4 --strategy traversal=bvh,width=4 --out compiled";
-        let command = |record: &Record| command(record, "a CPU");
+        let command = |record: &Record| command(record, "a CPU", None);
         assert_eq!(command(&record).as_deref(), Some(expected));
+        let own = super::command(&record, "a CPU", Some("my kernels"));
+        assert!(own.is_some_and(|text| text.ends_with("=4 --cl-dir 'my kernels' --out compiled")));
         let preset = Record { preset: Some("bvh".into()), ..record.clone() };
         assert!(command(&preset).is_some_and(|text| text.ends_with("--strategy bvh --out compiled")));
         assert_eq!(command(&Record { kernels_of: Some("built in".into()), ..record.clone() }), None);

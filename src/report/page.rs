@@ -12,8 +12,8 @@ use super::{growth, microscope, occupancy, one_change, overview, roofline, side_
 use crate::error::{Error, Result};
 use crate::numbers::{by, ms, significant};
 use crate::record::{
-    AtHost, Folder, Group, HOST, Outcome, Record, apart_note, controls, file_names, groups, interval,
-    is_shown_as, median, not_enough, percent, ratio, to_mind, two_modes,
+    AtHost, BUILT_IN, Folder, Group, HOST, Outcome, Record, apart_note, controls, file_names, groups,
+    interval, is_shown_as, median, not_enough, percent, ratio, to_mind, two_modes,
 };
 use askama::Template;
 use serde_json::Value;
@@ -340,10 +340,28 @@ fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
 
 /// Returns the command (`raycl compile`) that writes a page with a point's instructions. In the record, the
 /// device's name may be the common name, or end with a text in brackets. The command contains the name that
-/// the driver reports for the device. Returns `None` if [`microscope::command`] returns `None`.
+/// the driver reports for the device. Returns `None` if [`microscope::command`] returns `None`, or if it is unknown which
+/// of several folders contains the point's kernels.
 fn command(folders: &[Folder], record: &Record) -> Option<String> {
     let name = entries(folders, &record.device).find_map(name_of_driver);
-    microscope::command(record, name.unwrap_or(&record.device))
+    let mut kernels = kernels_on(folders, &record.device);
+    kernels.sort_unstable();
+    kernels.dedup();
+    let cl_dir = match kernels[..] {
+        [] | [BUILT_IN] => None,
+        [folder] => Some(folder),
+        _ => return None,
+    };
+    microscope::command(record, name.unwrap_or(&record.device), cl_dir)
+}
+
+/// Returns where the kernels of the runs on a device come from: paths of folders, or [`BUILT_IN`]. `shown` is the
+/// device's name in the records.
+fn kernels_on<'a>(folders: &'a [Folder], shown: &str) -> Vec<&'a str> {
+    let own = folders.iter().filter(|folder| entries(std::slice::from_ref(*folder), shown).next().is_some());
+    let sources = own.filter_map(|folder| folder.environment["sources"].as_array()).flatten();
+    let kernels = sources.filter(|source| source["what"] == "kernels");
+    kernels.filter_map(|source| source["path"].as_str()).collect()
 }
 
 /// Returns the descriptions of a device in the `environment.json` of the folders. `shown` is the device's

@@ -108,7 +108,12 @@ fn roofline(
         diagonal: false,
         series,
     };
-    Some(Plot::of(name, caption(has_roofs, unreadable, &left_out), &chart))
+    let rates = match peak {
+        None => Rates::Unknown(unreadable),
+        Some(_) if has_roofs => Rates::Known,
+        Some(_) => Rates::Zero,
+    };
+    Some(Plot::of(name, caption(rates, &left_out), &chart))
 }
 
 /// Returns a record's mark in the plot; `None` if the record's ray-triangle tests per second, or the operations or the
@@ -188,16 +193,30 @@ fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
     known.enumerate().map(roof).collect()
 }
 
-fn caption(with_roofs: bool, unreadable: &[String], left_out: &[&Record]) -> String {
-    let roofs = match (with_roofs, unreadable) {
-        (true, _) => "Dashed lines are roofs: the device's measured peak rates. A point above a memory's roof \
+/// What is known about the peak rates of a device.
+enum Rates<'a> {
+    /// The plot has roofs.
+    Known,
+    /// The plot has no roofs, because the rate of multiply-adds is 0, or those of both memories.
+    Zero,
+    /// There are no peak rates. If there are files of peak rates that cannot be read, the element contains a message for
+    /// each.
+    Unknown(&'a [String]),
+}
+
+fn caption(rates: Rates<'_>, left_out: &[&Record]) -> String {
+    let roofs = match rates {
+        Rates::Known => "Dashed lines are roofs: the device's measured peak rates. A point above a memory's roof \
                       gets its data from caches or another memory."
             .to_owned(),
-        (false, []) => "The device's rates, which a roofline shows as roofs, were not measured with these records, \
+        Rates::Zero => "The plot has no roofs, because the file of the device's peak rates says that its arithmetic or \
+                        its memories have a rate of 0."
+            .to_owned(),
+        Rates::Unknown([]) => "The device's rates, which a roofline shows as roofs, were not measured with these records, \
                         so the plot has no roofs. `raycl peak --out DIR/peak.json` or `raycl run CONFIG --peak` \
                         measures these rates; DIR is the folder of results."
             .to_owned(),
-        (false, some) => format!("The plot has no roofs: {}", some.join(" ")),
+        Rates::Unknown(some) => format!("The plot has no roofs: {}", some.join(" ")),
     };
     let not_shown = not_shown(left_out);
     format!(
@@ -335,6 +354,8 @@ mod tests {
         let plot = roofline(&points, &looks, "a gpu", (Some(&peak), &[]), name).unwrap();
         assert!(!plot.svg.contains("roof: "), "{}", plot.svg);
         assert!(!plot.caption.contains("Dashed lines"), "{}", plot.caption);
+        assert!(!plot.caption.contains("were not measured"), "{}", plot.caption);
+        assert!(plot.caption.contains("memories have a rate of 0"), "{}", plot.caption);
     }
 
     #[test]

@@ -159,6 +159,7 @@ fn plot(name: &str, title: &str, devices: &[&str], rows: Vec<(String, Vec<Cell>)
         x_label: "device".into(),
         columns: shorten_all(devices, ROOM),
         rows,
+        ringed: "mean below 1.01",
         codes: Vec::new(),
     };
     let caption = format!("{caption}{HOW_TO_READ}");
@@ -258,6 +259,7 @@ mod tests {
         for (plot, rings) in plots.iter().zip([1, 2]) {
             for svg in [&plot.svg, &plot.narrow] {
                 assert_eq!(svg.matches(">1.00 (1 of 2)<").count(), 1, "{svg}");
+                assert!(svg.contains(">ringed: mean below 1.01<"), "{svg}");
                 assert_eq!(svg.matches("class=\"ring\"").count(), rings, "{svg}");
             }
         }

@@ -145,6 +145,7 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
         x_label: "local size".into(),
         columns: size_names(&sizes),
         rows,
+        ringed: "fastest or tied",
         codes,
     };
     let caption = "Light is fast, and dark is slow, on a logarithmic scale. A cell is hatched if its point has no time, or cannot be compared because it has too few samples or times of 0. Move the mouse pointer over a cell to see its interval, or the reason for the missing time."

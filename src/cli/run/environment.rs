@@ -3,7 +3,7 @@
 use crate::config::Experiment;
 use crate::device::{DeviceInfo, variables};
 use crate::program::Sources;
-use crate::record::{DeviceEnvironment, Environment, Host, Source, git_state_of_folder};
+use crate::record::{BUILT_IN, DeviceEnvironment, Environment, Host, Source, git_state_of_folder};
 
 /// Returns what a run that begins now records about the machine, the devices, the program and the files.
 pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[Sources]) -> Environment {
@@ -38,7 +38,7 @@ fn files(experiment: &Experiment) -> impl Iterator<Item = Source> {
 /// the run's input files.
 fn of_kernels(kernels: &Sources) -> Source {
     let (path, git) = match kernels {
-        Sources::Embedded => ("built in".to_owned(), None),
+        Sources::Embedded => (BUILT_IN.to_owned(), None),
         Sources::Folder(folder) => {
             let files = kernels.own_files().unwrap_or_default();
             (folder.display().to_string(), git_state_of_folder(folder, &files, "cl"))

@@ -109,6 +109,8 @@ struct Branch {
     decided: bool,
     /// True if the text around the `#if` is compiled.
     around: bool,
+    /// True if the current branch is that of the `#else`, so that no branch follows.
+    is_last: bool,
     /// The file and the line of the `#if`.
     position: Position,
 }
@@ -263,7 +265,13 @@ impl Preprocessor {
     fn open(&mut self, name: &str, code: &[Token], line: u32) -> Result<()> {
         let around = self.is_live();
         let live = around && self.decide(name, code, line)?;
-        self.branches.push(Branch { live, decided: live, around, position: self.position_of(line) });
+        self.branches.push(Branch {
+            live,
+            decided: live,
+            around,
+            is_last: false,
+            position: self.position_of(line),
+        });
         Ok(())
     }
 
@@ -274,6 +282,10 @@ impl Preprocessor {
         if name == "endif" {
             return Ok(());
         }
+        if branch.is_last {
+            return Err(self.mistake(line, format!("#{name} after #else")));
+        }
+        branch.is_last = name == "else";
         let open = branch.around && !branch.decided;
         branch.live = open && (name == "else" || self.decide(name, code, line)?);
         branch.decided |= branch.live;

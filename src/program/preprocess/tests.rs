@@ -145,6 +145,10 @@ fn what_is_not_closed_or_not_opened_is_reported() {
     for name in ["else", "elif 1", "endif"] {
         assert!(mistake(&format!("#{name}\n")).contains("without #if"), "{name}");
     }
+    for name in ["else", "elif 1"] {
+        let said = mistake(&format!("#if 0\n#if 1\n#else\n#{name}\n#endif\n#endif\n"));
+        assert_eq!(said, format!("the text, line 4: #{} after #else", &name[..4]));
+    }
     assert!(mistake("#include \"a.cl\"\n").contains("raycl does not support the directive #include"));
     assert!(mistake("#define\n").contains("needs a name"));
     for wrong in ["F(a, ...) a", "F(a, b"] {

@@ -14,6 +14,23 @@ fn the_microscope_is_asked_for_by_the_devices_own_name() {
 }
 
 #[test]
+fn the_microscope_is_asked_for_with_the_folder_of_kernels_of_the_run() {
+    let mut best = measured("gpu", "naive", 8, 1.0);
+    best.scene_file = Some("scenes/teapot.toml".into());
+    let of = |device: &str, kernels: &str| {
+        let sources = serde_json::json!([
+            { "what": "config", "path": "a.toml" }, { "what": "kernels", "path": kernels }
+        ]);
+        let environment = serde_json::json!({ "devices": [{ "device": device }], "sources": sources });
+        Folder { environment, ..Folder::default() }
+    };
+    let has = |folders: &[Folder], end: &str| command(folders, &best).is_some_and(|text| text.ends_with(end));
+    assert!(has(&[of("gpu", "mine"), of("gpu", "mine")], "--strategy naive --cl-dir mine --out compiled"));
+    assert!(has(&[of("gpu", "built in"), of("cpu", "mine")], "--strategy naive --out compiled"));
+    assert_eq!(command(&[of("gpu", "built in"), of("gpu", "mine")], &best), None);
+}
+
+#[test]
 fn what_does_not_fit_or_is_not_meant_for_the_device_has_not_failed() {
     let with = |name: &str, outcome| Record { outcome, ..infeasible("gpu", name, 1, "no") };
     let records = [

@@ -63,6 +63,8 @@ pub struct HeatMap {
     pub columns: Vec<String>,
     /// The rows' names and cells. Each row has one cell per column.
     pub rows: Vec<(String, Vec<Cell>)>,
+    /// What a ring marks, for the legend.
+    pub ringed: &'static str,
     /// Each word that cells show instead of a time, and its meaning for the legend.
     pub codes: Vec<(String, String)>,
 }
@@ -170,7 +172,7 @@ impl HeatMap {
             FAINT,
             [LEFT + SCALE_WIDTH + 18.0, top + 9.0],
             Anchor::Start,
-            "ringed: fastest or tied",
+            &format!("ringed: {}", self.ringed),
         );
         self.draw_codes(svg, [LEFT, top + 24.0], right, hatch)
     }
@@ -338,6 +340,7 @@ mod tests {
                 ("naive".into(), vec![time(1.0), time(4.5), none]),
                 ("wide".into(), vec![Cell::Empty]),
             ],
+            ringed: "any",
             codes: vec![("L".into(), "__local memory is too small".into())],
         };
         let text = map.svg();
@@ -357,6 +360,7 @@ mod tests {
                 x_label: "local size".into(),
                 columns: vec!["8x8".into(); cells.len()],
                 rows: vec![("naive".into(), cells)],
+                ringed: "any",
                 codes: vec![("build".into(), "did not compile".into())],
             };
             [map.svg(), map.narrow_svg()].map(|svg| {
@@ -378,6 +382,7 @@ mod tests {
             x_label: "local size".into(),
             columns: vec!["8x8".into()],
             rows: vec![("naive".into(), vec![Cell::Nothing { code: "L".into(), tip: "no".into() }])],
+            ringed: "any",
             codes: vec![("L".into(), "too small".into())],
         };
         for (form, text) in [("wide", map.svg()), ("narrow", map.narrow_svg())] {
@@ -396,6 +401,7 @@ mod tests {
             x_label: "local size".into(),
             columns: Vec::new(),
             rows: vec![(name("my-test"), Vec::new()), (name("plucker"), Vec::new())],
+            ringed: "any",
             codes: Vec::new(),
         };
         let text = map.svg();
@@ -436,6 +442,7 @@ mod tests {
                 x_label: "device".into(),
                 columns: vec!["NVID…GPU 192".into(); columns],
                 rows: vec![("naive".into(), times), ("wide".into(), nothing)],
+                ringed: "any",
                 codes: ["constant", "group"].map(|code| (code.to_owned(), meaning.clone())).to_vec(),
             };
             let svg = map.svg();
@@ -469,6 +476,7 @@ mod tests {
             x_label: "local size".into(),
             columns: vec!["8x8".into(), "16x16".into()],
             rows: vec![("b".into(), vec![time(1.0), time(3.0)]), ("c".into(), vec![none, Cell::Empty])],
+            ringed: "any",
             codes: vec![("L".into(), "too small".into())],
         };
         let svg = map.svg();
@@ -502,6 +510,7 @@ mod tests {
                 x_label: "local size".into(),
                 columns: vec!["8x8".into(); times.len()],
                 rows: vec![("b".into(), times.iter().map(cell).collect())],
+                ringed: "any",
                 codes: Vec::new(),
             }
         };

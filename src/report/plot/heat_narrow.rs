@@ -61,7 +61,7 @@ impl HeatMap {
         }
         draw_scale(svg, [LEFT, top], worst);
         let y = top + 24.0 + LINE;
-        svg.text_in("faint small", FAINT, [LEFT, y], Anchor::Start, "ringed: fastest or tied");
+        svg.text_in("faint small", FAINT, [LEFT, y], Anchor::Start, &format!("ringed: {}", self.ringed));
         self.draw_codes(svg, [LEFT, y], right, hatch)
     }
 }
@@ -120,6 +120,7 @@ mod tests {
                 "naive".into(),
                 (0..7).map(|index| time(1.0 + f64::from(index))).chain([none]).collect(),
             )],
+            ringed: "any",
             codes: vec![(
                 "L".into(),
                 "__local memory is too small for the triangles of the scene, by arithmetic".into(),

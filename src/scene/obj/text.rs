@@ -365,8 +365,9 @@ pub(super) fn words(bytes: &[u8]) -> String {
 
 /// Returns a token for messages: in backquotes, printable, and shortened to 40 characters.
 pub(in crate::scene) fn quoted(token: &[u8]) -> String {
-    let end = if token.len() > 40 { "..." } else { "" };
-    format!("`{}{end}`", printable(words(token).chars().take(40)))
+    let text = words(token);
+    let end = if text.chars().nth(40).is_some() { "..." } else { "" };
+    format!("`{}{end}`", printable(text.chars().take(40)))
 }
 
 /// Returns the name of a file for messages: in backquotes and printable. A name of more than 200 characters
@@ -596,6 +597,9 @@ mod tests {
     fn a_long_name_of_a_file_keeps_its_end_and_any_other_long_word_its_beginning() {
         let long = "a".repeat(100) + &"b".repeat(100);
         assert_eq!(quoted(long.as_bytes()), format!("`{}...`", "a".repeat(40)));
+        // 40 characters of two bytes each, and 41 of them.
+        assert_eq!(quoted("\u{e9}".repeat(40).as_bytes()), format!("`{}`", "\\u{e9}".repeat(40)));
+        assert_eq!(quoted("\u{e9}".repeat(41).as_bytes()), format!("`{}...`", "\\u{e9}".repeat(40)));
         assert_eq!(quoted_name(&long), format!("`{long}`"));
         assert_eq!(quoted_name(&format!("{long}.png")), format!("`...{}.png`", &long[4..]));
     }
