@@ -90,6 +90,13 @@ fn check_channels(bytes: &[u8]) -> Result<(), String> {
 
 /// Returns the segments (blocks) of a JPEG before its first scan: for each, the second byte of its marker and its data.
 fn header_segments(bytes: &[u8]) -> impl Iterator<Item = (u8, &[u8])> {
+    let header = segments(bytes).take_while(|(kind, ..)| *kind != START_OF_SCAN);
+    header.map(|(kind, data, _)| (kind, data))
+}
+
+/// Returns the segments of a JPEG up to the start of its first scan: for each, the second byte of its marker, its data
+/// and the bytes of the file after the segment.
+pub(super) fn segments(bytes: &[u8]) -> impl Iterator<Item = (u8, &[u8], &[u8])> {
     let mut rest = bytes.get(2..).unwrap_or_default();
     std::iter::from_fn(move || {
         while let [MARKER, MARKER, ..] = rest {
@@ -97,9 +104,9 @@ fn header_segments(bytes: &[u8]) -> impl Iterator<Item = (u8, &[u8])> {
         }
         let [MARKER, kind, high, low, ..] = *rest else { return None };
         let end = 2 + usize::from(u16::from_be_bytes([high, low]));
-        let data = rest.get(4..end).filter(|_| kind != START_OF_SCAN)?;
+        let data = rest.get(4..end)?;
         rest = &rest[end..];
-        Some((kind, data))
+        Some((kind, data, rest))
     })
 }
 

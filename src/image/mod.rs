@@ -15,6 +15,7 @@ mod hdr_header;
 mod icc;
 mod incoming;
 mod jpeg;
+mod jpeg_scan;
 mod layers;
 mod movie;
 mod png_chunks;
@@ -39,6 +40,7 @@ pub use file::{
 pub use frame::Frame;
 pub use hdr_header::{HdrExposure, with_usual_signature};
 pub use incoming::Incoming;
+pub use jpeg_scan::is_damaged;
 pub use layers::{counts, layer_targets, save_layers};
 pub use movie::Movie;
 pub use stated::{check_channels, exr_rest, header_remarks, unread_channels};

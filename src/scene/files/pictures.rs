@@ -2,7 +2,7 @@
 
 use super::unused_parts::{Part, UnusedParts};
 use crate::image::{
-    TGA_FOOTER, TgaAlpha, decoder_message, has_alpha_bit, has_fourth_channel, is_animated,
+    TGA_FOOTER, TgaAlpha, decoder_message, has_alpha_bit, has_fourth_channel, is_animated, is_damaged,
     other_colour_space, picture_reader, rest_of_picture,
 };
 use crate::memory::Available;
@@ -255,13 +255,15 @@ fn divided_by_alpha(texel: u32) -> u32 {
     u32::from_le_bytes([red, green, blue, alpha])
 }
 
-/// Returns the parts of a picture that are not used, each with a text for messages (see [`Decoded`]).
+/// Returns the parts of a picture that are not used or damaged, each with a text for messages (see [`Decoded`]).
 fn unused_parts(bytes: &[u8], format: ImageFormat, decoder: &mut impl ImageDecoder) -> Vec<(Part, String)> {
     let space = other_colour_space(bytes, format, decoder).map(|space| (Part::ColourSpace, space));
     let orientation = decoder.orientation().map_or(1, |orientation| orientation.to_exif());
     let turned = (orientation != 1).then(|| (Part::Orientation, format!("Exif {orientation}")));
     let animated = format == ImageFormat::Png && is_animated(bytes);
     let animated = animated.then(|| (Part::Animation, String::new()));
+    let damaged = format == ImageFormat::Jpeg && is_damaged(bytes);
+    let damaged = damaged.then(|| (Part::Data, String::new()));
     let rest = rest_of_picture(bytes);
     let kind = if image::guess_format(rest).is_ok() { ", another picture" } else { "" };
     let rest = (!rest.is_empty()).then(|| (Part::Rest, counted(rest.len(), "byte") + kind));
@@ -270,7 +272,7 @@ fn unused_parts(bytes: &[u8], format: ImageFormat, decoder: &mut impl ImageDecod
         _ => format == ImageFormat::Tga && has_alpha_bit(bytes),
     };
     let fourth = fourth.then(|| (Part::FourthChannel, String::new()));
-    space.into_iter().chain(turned).chain(animated).chain(rest).chain(fourth).collect()
+    space.into_iter().chain(turned).chain(animated).chain(damaged).chain(rest).chain(fourth).collect()
 }
 
 /// Refuses a picture of this width and height if decoding it needs more memory than is available.

@@ -1,14 +1,15 @@
-//! Notes on the parts of pictures that raycl does not use.
+//! Notes on the parts of pictures that raycl does not use, or that are damaged.
 
 use crate::words::counted;
 use std::collections::BTreeMap;
 
-/// A part of a picture that raycl does not use.
+/// A part of a picture that raycl does not use, or that is damaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::scene) enum Part {
     ColourSpace,
     Orientation,
     Animation,
+    Data,
     Rest,
     FourthChannel,
     Alpha,
@@ -16,9 +17,10 @@ pub(in crate::scene) enum Part {
 }
 
 impl Part {
-    /// Returns the part's name, and what raycl does instead, both for messages.
-    fn words(self) -> (&'static str, &'static str) {
-        match self {
+    /// Returns the part's name, what is the matter with it, and what raycl does instead, all for messages.
+    fn words(self) -> (&'static str, &'static str, &'static str) {
+        let (what, instead) = match self {
+            Self::Data => return ("data", "is damaged", "some texels are wrong"),
             Self::ColourSpace => ("colour space", "values count as sRGB"),
             Self::Orientation => ("orientation", "the picture is neither turned nor mirrored"),
             Self::Animation => ("animation", "only one picture is shown"),
@@ -26,7 +28,8 @@ impl Part {
             Self::FourthChannel => ("fourth channel", "it does not count as alpha"),
             Self::Alpha => ("alpha", "without a map_d, a surface has no holes"),
             Self::Opacity => ("partial opacity", "every point is either opaque or a hole"),
-        }
+        };
+        (what, "is not used", instead)
     }
 }
 
@@ -43,12 +46,12 @@ impl UnusedParts {
     /// Returns a note for each part, except for the parts `unnoted`. If `quotes` is true, the notes name a picture.
     pub fn notes(&self, quotes: bool, unnoted: &[Part]) -> impl Iterator<Item = String> {
         self.0.iter().filter(|(part, _)| !unnoted.contains(part)).filter_map(move |(part, pictures)| {
-            let ((what, instead), (name, stated)) = (part.words(), pictures.first_key_value()?);
+            let ((what, state, instead), (name, stated)) = (part.words(), pictures.first_key_value()?);
             let such_as = if pictures.len() == 1 { "" } else { "for example " };
             let stated = if stated.is_empty() { String::new() } else { format!(": {stated}") };
             let example = if quotes { format!(" ({such_as}{name}{stated})") } else { String::new() };
             let textures = counted(pictures.len(), "texture");
-            Some(format!("{what} of {textures} is not used{example}: {instead}"))
+            Some(format!("{what} of {textures} {state}{example}: {instead}"))
         })
     }
 }
@@ -64,8 +67,10 @@ mod tests {
             unused.add(Part::Alpha, name.to_owned(), "");
         }
         unused.add(Part::ColourSpace, "`c.png`".to_owned(), "gAMA 1");
+        unused.add(Part::Data, "`d.jpg`".to_owned(), "");
         let expected = [
             "colour space of 1 texture is not used (`c.png`: gAMA 1): values count as sRGB",
+            "data of 1 texture is damaged (`d.jpg`): some texels are wrong",
             "alpha of 2 textures is not used (for example `a.png`): without a map_d, a surface has no holes",
         ];
         assert_eq!(unused.notes(true, &[]).collect::<Vec<_>>(), expected);
