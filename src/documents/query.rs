@@ -20,7 +20,7 @@ use serde_json::Value;
 
 /// The default number of significant digits of measured numbers, and of all numbers with a unit (also with the unit
 /// `%`). Without a unit, shares and numbers in scientific notation have 2 significant digits by default, and
-/// counts always have all digits.
+/// counts have all digits, and a query must not ask for another number of digits.
 const DIGITS: i32 = 3;
 /// The source name for the times that the paper published. The published times are part of the program, not
 /// of a folder of records.

@@ -24,7 +24,7 @@ impl Part {
             Self::ColourSpace => ("colour space", "values count as sRGB"),
             Self::Orientation => ("orientation", "the picture is neither turned nor mirrored"),
             Self::Animation => ("animation", "only one picture is shown"),
-            Self::Rest => ("rest", "only the first picture of the file is shown"),
+            Self::Rest => ("rest", "the first picture is shown"),
             Self::FourthChannel => ("fourth channel", "it does not count as alpha"),
             Self::Alpha => ("alpha", "without a map_d, a surface has no holes"),
             Self::Opacity => ("partial opacity", "every point is either opaque or a hole"),
