@@ -19,8 +19,8 @@ const MOST_LEFT: usize = 4;
 /// For each possible next 16 bits, the length of the code at their beginning (0 if no code begins so) and its value.
 type Codes = Vec<[u8; 2]>;
 
-/// Returns true if the compressed values end before the last block of the picture or after it, or if they contain a code
-/// that does not exist. Nearly all losses of many bytes have one of these effects, and about half of all changes of a
+/// Returns true if the compressed values end before the last block of the picture or after it, or if they contain a
+/// code that does not exist. Nearly all losses of many bytes have one of these effects, and about half of all changes of a
 /// byte. A picture that is not baseline, or has several scans, is not checked.
 pub fn is_damaged(bytes: &[u8]) -> bool {
     let Some((blocks, mut bits)) = blocks_of(bytes) else { return false };

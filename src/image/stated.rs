@@ -57,7 +57,8 @@ pub fn unread_channels(bytes: &[u8]) -> Vec<String> {
 }
 
 /// Returns remarks on a picture's header: on other primaries or another white than sRGB's, on a cube map, on a pixel
-/// aspect ratio other than 1, on a luminance of white, on a GAMMA other than 1 and on a VIEW. The caller puts the file's name before each remark.
+/// aspect ratio other than 1, on a luminance of white, on a GAMMA other than 1 and on a VIEW. The
+/// caller puts the file's name before each remark.
 pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let header = headers.iter().find(|header| is_decoded(header));
@@ -144,8 +145,8 @@ fn hdr_gamma(bytes: &[u8]) -> Option<f32> {
     text.trim().parse().ok()
 }
 
-/// Returns the projection that the last line VIEW in the header of a Radiance HDR picture states, such as `-vta`; `None`
-/// if the header has no such line. Radiance has no name for an equirectangular picture, so each stated projection is
+/// Returns the projection that the last line VIEW in the header of a Radiance HDR picture states, such as `-vta`;
+/// `None` if the header has no such line. Radiance has no name for an equirectangular picture, so each stated projection is
 /// another one.
 fn hdr_view(bytes: &[u8]) -> Option<String> {
     let header = hdr_header(bytes)?;

@@ -340,8 +340,8 @@ fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
 
 /// Returns the command (`raycl compile`) that writes a page with a point's instructions. In the record, the
 /// device's name may be the common name, or end with a text in brackets. The command contains the name that
-/// the driver reports for the device. Returns `None` if [`microscope::command`] returns `None`, or if it is unknown which
-/// of several folders contains the point's kernels.
+/// the driver reports for the device. Returns `None` if [`microscope::command`] returns `None`, or if it is unknown
+/// which of several folders contains the point's kernels.
 fn command(folders: &[Folder], record: &Record) -> Option<String> {
     let name = entries(folders, &record.device).find_map(name_of_driver);
     let mut kernels = kernels_on(folders, &record.device);

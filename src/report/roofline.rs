@@ -199,8 +199,7 @@ enum Rates<'a> {
     Known,
     /// The plot has no roofs, because the rate of multiply-adds is 0, or those of both memories.
     Zero,
-    /// There are no peak rates. If there are files of peak rates that cannot be read, the element contains a message for
-    /// each.
+    /// There are no peak rates. The element contains a message for each file of peak rates that cannot be read.
     Unknown(&'a [String]),
 }
 
@@ -212,8 +211,8 @@ fn caption(rates: Rates<'_>, left_out: &[&Record]) -> String {
         Rates::Zero => "The plot has no roofs, because the file of the device's peak rates says that its arithmetic or \
                         its memories have a rate of 0."
             .to_owned(),
-        Rates::Unknown([]) => "The device's rates, which a roofline shows as roofs, were not measured with these records, \
-                        so the plot has no roofs. `raycl peak --out DIR/peak.json` or `raycl run CONFIG --peak` \
+        Rates::Unknown([]) => "The device's rates, which a roofline shows as roofs, were not measured with these \
+                        records, so the plot has no roofs. `raycl peak --out DIR/peak.json` or `raycl run CONFIG --peak` \
                         measures these rates; DIR is the folder of results."
             .to_owned(),
         Rates::Unknown(some) => format!("The plot has no roofs: {}", some.join(" ")),
