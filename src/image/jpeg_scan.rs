@@ -1,6 +1,6 @@
 //! Checks the compressed values of a baseline JPEG (ITU-T T.81, Huffman coding), which the decoder does not check: it
 //! replaces values that are missing or damaged by others without an error. Only the lengths of the values are read, so
-//! the check takes much less time than decoding.
+//! the check takes less time than decoding.
 
 use super::decode::segments;
 use super::jpeg::{MARKER, START_OF_SCAN};
