@@ -145,12 +145,25 @@ impl From<ocl::core::Error> for LaunchError {
 
 impl From<ocl::Error> for LaunchError {
     fn from(error: ocl::Error) -> Self {
-        let message = without_frame(&error.to_string());
+        let status = error.api_status();
+        let message = without_frame(&error.to_string()) + consequence(status);
         note_failure(&message);
-        match error.api_status().is_some_and(lacks_resources) {
+        match status.is_some_and(lacks_resources) {
             true => Self::Resources(message),
             false => Self::OpenCl(message),
         }
+    }
+}
+
+/// Returns what follows from `status`, as the end of a message; empty if the status says enough. raycl asks only for the
+/// times of commands for which it has waited. PoCL compiles a kernel when it starts, and says by this status only that
+/// it failed to do so.
+fn consequence(status: Option<Status>) -> &'static str {
+    match status {
+        Some(Status::CL_PROFILING_INFO_NOT_AVAILABLE) => {
+            ": a kernel has not run to its end; the driver may have failed to compile it for this local size"
+        }
+        _ => "",
     }
 }
 
@@ -173,6 +186,13 @@ mod tests {
         let expected = "a bug in raycl: this program of the kernel family tile_gpu has no kernel that decides \
                         which pixels get more samples";
         assert_eq!(missing.to_string(), expected);
+    }
+
+    #[test]
+    fn a_status_that_hides_a_failed_kernel_is_explained() {
+        let explained = consequence(Some(Status::CL_PROFILING_INFO_NOT_AVAILABLE));
+        assert!(explained.starts_with(": a kernel has not run to its end"), "{explained}");
+        assert_eq!([consequence(Some(Status::CL_OUT_OF_RESOURCES)), consequence(None)], ["", ""]);
     }
 
     #[test]
