@@ -45,7 +45,7 @@ use std::path::Path;
 
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
-use crate::device::{cache_variables, pinning_variables, thread_variables, variables};
+use crate::device::{cache_variables, loop_variables, pinning_variables, thread_variables, variables};
 use crate::error::{Error, Result};
 use crate::filetype::is_standard_input;
 use crate::own_program::remember_libraries;
@@ -354,7 +354,8 @@ pub(crate) fn prepare_for_drivers(measures: bool) {
     remember_libraries();
     variables::of_user();
     let pinning = if measures { pinning_variables() } else { Vec::new() };
-    for (name, value) in thread_variables().into_iter().chain(cache_variables()).chain(pinning) {
+    let own = [thread_variables(), cache_variables(), loop_variables(), pinning];
+    for (name, value) in own.into_iter().flatten() {
         // SAFETY: the program has just begun. No driver is loaded, and no other thread exists that could read
         // the environment at the same time.
         unsafe { std::env::set_var(name, value) };

@@ -14,6 +14,7 @@ mod known;
 mod lanes;
 mod limits;
 pub mod occupancy;
+mod outer_loops;
 mod panics;
 pub mod patience;
 mod quieting;
@@ -35,6 +36,7 @@ pub use limits::DeviceLimits;
 pub(crate) use limits::power_of_two;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
+pub use outer_loops::loop_variables;
 pub use panics::report_panics;
 pub(crate) use panics::{forget_failures, guarded, note_device, note_failure, noted, tell_panics};
 pub(crate) use quieting::{Hush, quieting};

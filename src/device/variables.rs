@@ -2,6 +2,7 @@
 //! variables that is set. Variables that affect times or pictures are also part of the keys under which
 //! measured points are stored.
 
+use super::outer_loops::is_usual;
 use super::threads::{is_set_by_raycl, sets_threads};
 use std::sync::OnceLock;
 
@@ -177,7 +178,7 @@ static OF_USER: OnceLock<Vec<Setting>> = OnceLock::new();
 /// The function remembers the variables that are set at its first call, which must be before raycl itself
 /// sets variables of drivers.
 pub fn of_user() -> &'static [Setting] {
-    OF_USER.get_or_init(|| settings(variables(), is_to_be_repeated))
+    OF_USER.get_or_init(|| without_usual(settings(variables(), is_to_be_repeated)))
 }
 
 /// Returns the variables among `settings`, the variables of a device, that raycl itself has set because the
@@ -220,7 +221,12 @@ fn deciding_of(platform: &str, variables: impl Iterator<Item = (String, String)>
     let platform = platform.to_lowercase();
     let own = DRIVERS.iter().filter(|driver| platform.contains(driver.platform));
     let names: Vec<&str> = own.flat_map(|driver| driver.deciding).copied().collect();
-    settings(variables, |name| names.iter().any(|pattern| matches(pattern, name)))
+    without_usual(settings(variables, |name| names.iter().any(|pattern| matches(pattern, name))))
+}
+
+fn without_usual(mut settings: Vec<Setting>) -> Vec<Setting> {
+    settings.retain(|setting| !is_usual(setting));
+    settings
 }
 
 fn settings(
@@ -264,6 +270,16 @@ mod tests {
         assert_eq!(of("Intel(R) OpenCL Graphics", &set), ["IGC_VISAOptions=1"]);
         assert_eq!(of("rusticl", &set), ["LP_NUM_THREADS=1"]);
         assert!(of("Portable Computing Language", &set).is_empty());
+    }
+
+    #[test]
+    fn the_setting_that_raycl_makes_for_loops_decides_nothing() {
+        let of = |value: &str| {
+            let set = [("POCL_FORCE_PARALLEL_OUTER_LOOP".to_owned(), value.to_owned())];
+            deciding_of("Portable Computing Language", set.into_iter())
+        };
+        assert!(of("0").is_empty());
+        assert_eq!(of("1"), ["POCL_FORCE_PARALLEL_OUTER_LOOP=1"]);
     }
 
     #[test]
