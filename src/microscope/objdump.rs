@@ -42,8 +42,10 @@ impl<'a> Listing<'a> {
         let code = |kernel: &&str| {
             // PoCL's function for a kernel runs a whole work-group. PoCL also writes two other functions, which
             // read the kernel's arguments and then run a copy of the first function's code. raycl leaves out
-            // these two functions, because the copies have no source lines.
-            let names = [format!("_pocl_kernel_{kernel}"), (*kernel).to_owned()];
+            // these two functions, because the copies have no source lines. PoCL 7.1 inlines the first function into the
+            // function whose name ends in `_workgroup`, and writes only this one.
+            let of_pocl = format!("_pocl_kernel_{kernel}");
+            let names = [of_pocl.clone(), format!("{of_pocl}_workgroup"), (*kernel).to_owned()];
             let own = names.iter().find_map(|name| self.function(name))?;
             let functions = with_called(own, |(_, body)| {
                 body.lines().filter_map(|line| self.function(called(line)?)).collect()
@@ -191,6 +193,13 @@ Disassembly of section .text:
         assert_eq!(rows_of(LISTING), expected);
         // Some versions of objdump write spaces at the ends of lines.
         assert_eq!(rows_of(&LISTING.replace("%rsp,%rbp", "%rsp,%rbp  ")), expected);
+    }
+
+    #[test]
+    fn a_kernel_of_which_only_the_work_groups_function_is_left_is_read_from_it() {
+        let only = LISTING.replace("<_pocl_kernel_mine>", "<other>");
+        let rows: Vec<_> = rows_of(&only).into_iter().map(|(opcode, _, _, part)| (opcode, part)).collect();
+        assert_eq!(rows, [("ret".to_owned(), "_pocl_kernel_mine_workgroup".to_owned())]);
     }
 
     #[test]
