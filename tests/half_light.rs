@@ -1,6 +1,6 @@
 //! Soft light at half resolution: the default look of bare meshes.
 
-use crate::binary::{WorkFolder, device, has};
+use crate::binary::{WorkFolder, device, has, without_optimisation};
 use crate::common::{due, soon};
 use image::{Rgb, RgbImage};
 
@@ -231,7 +231,7 @@ fn a_broken_half_picture_is_a_wrong_picture() {
         let more = ["--verify", "--strategy", family, "--cl-dir", &kernels];
         let more = [&more[..], options_of_change].concat();
         let mut command = folder.raycl(&options(&device(), EVEN, &more));
-        command.env("POCL_EXTRA_BUILD_FLAGS", "-cl-opt-disable");
+        command.envs(without_optimisation());
         let output = command.output().expect("the program");
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         if output.status.code() != Some(1) || !said.contains("the picture is wrong: ") {
