@@ -49,7 +49,8 @@ fn every_row_stands_once_in_its_file_and_names_a_test() {
     for Mutant { file, from, to, test, .. } in &all {
         let count = read(&repository(file)).matches(from.as_str()).count();
         assert_eq!(count, 1, "{file}: {from:?} has to be there once; adapt the row or replace it");
-        assert!(from != to && is_there(test), "{file}: {from:?}: there is no test {test}");
+        assert_ne!(from, to, "{file}");
+        assert!(is_there(test), "{file}: {from:?}: there is no test {test}");
     }
 }
 

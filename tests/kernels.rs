@@ -1,5 +1,5 @@
-//! Casts pictures on PoCL with every preset at every local size, and with a pairwise cover (strategies that together
-//! have every pair of two axes' values). Compares the pictures with the reference. `make test-long` tests all of these
+//! Casts pictures on PoCL with every preset at every local size, and with a pairwise cover (see
+//! common/cover.rs). Compares the pictures with the reference. `make test-long` tests all of these
 //! combinations. `make test` tests a third of the cover's strategies, and each preset at 8 x 8 and at up to two other
 //! local sizes. Presets whose work-items share tiles are an exception: they have a single local size.
 

@@ -36,7 +36,7 @@ pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
 /// and `map_Ke`, which other modules read.
 pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
-    // Another note counts lines with too many numbers.
+    // Numbers after those that the keyword takes do not count.
     let most = of_numbers(&lower).map_or(usize::MAX, |(_, most)| most);
     let values = || tokens(rest).filter_map(number).take(most);
     let any = |holds: fn(f32) -> bool| values().any(holds);
