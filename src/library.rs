@@ -360,9 +360,10 @@ fn check_paths(config: &Path, out: &Path) -> Result<()> {
 /// to measure points, to list devices, or to compile a program. raycl starts a worker with the argument
 /// `worker` and the environment variable `RAYCL_WORKER`. In other processes, sets the environment variables
 /// that `raycl run` sets for drivers. These variables limit the number of threads of PoCL (an OpenCL driver
-/// for CPUs), pin these threads where possible, and keep PoCL 7 from adding barriers to loops. If PoCL cannot use its default folder for compiled
-/// kernels, another variable names a folder that PoCL can use. Call this function first in the `main` of a
-/// program that runs experiments, before the program starts a thread.
+/// for CPUs), pin these threads where possible, and keep PoCL 7 from adding barriers to the loops of kernels. If
+/// PoCL cannot use its default folder for compiled kernels, another variable names a folder that PoCL can use.
+/// Call this function first in the `main` of a program that runs experiments, before the program starts a
+/// thread.
 pub fn serve_if_worker() {
     SERVES.store(true, Ordering::Relaxed);
     if !is_worker() || std::env::args_os().nth(1).is_none_or(|word| word != "worker") {

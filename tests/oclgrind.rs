@@ -275,8 +275,9 @@ fn a_pairwise_cover_has_no_race_and_stays_in_bounds() {
     all_clean("figure-4.toml", &cover, "4x2", RACES);
 }
 
-/// Returns true if this run tests `row`, a strategy of the pairwise cover (see [`pairwise_cover`]). `make test-long` tests all rows. `make test` tests every row in which work-items share
-/// tiles, and the two thirds of all rows that tests/kernels.rs does not verify with PoCL.
+/// Returns true if this run tests `row`, a strategy of the pairwise cover (see [`pairwise_cover`]). `make test-long`
+/// tests all rows. `make test` tests every row in which work-items share tiles, and the two thirds of all rows that
+/// tests/kernels.rs does not verify with PoCL.
 fn in_this_run((row, strategy): &(usize, Strategy)) -> bool {
     is_long() || row % 3 != 0 || strategy.shares_tiles()
 }

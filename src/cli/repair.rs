@@ -39,8 +39,9 @@ pub struct Args {
 /// are repaired too, except those of attempts that may be running. A running attempt increases a counter once
 /// per second. If some attempts have not reported their end, the repair reads the counters of all attempts
 /// twice, five seconds apart. If an attempt has a counter that has not increased, and has not reported its end, the
-/// attempt was lost, so its journals are repaired. If a link in the place of a file, or a file that cannot be read or
-/// written, prevents a repair, the other journals are repaired, and the command then ends with an error.
+/// attempt was lost, so its journals are repaired. If a journal cannot be read, no journal in its folder is changed.
+/// If this, a link in the place of a file, or a file that cannot be written prevents a repair, the command repairs what
+/// else it can, and then ends with an error.
 pub fn run(args: Args) -> Result<()> {
     let findings = Findings::of(&args.folder, BETWEEN)?;
     findings.print(args.json)?;
@@ -63,14 +64,15 @@ const WAIT: &str = "wait until that run ends";
 struct Findings {
     /// The journals that were repaired, each with the path of the copy of its original.
     repaired: Vec<Repaired>,
-    /// The errors about unreadable files other than journals (for example plan.json), and about files that prevent the
-    /// repair of an attempt.
+    /// The errors about unreadable files other than journals (for example plan.json), and all errors that prevented a
+    /// repair except `failure`.
     unreadable: Vec<Error>,
     /// Number of attempts that could not be repaired because of mistakes of the user.
     refused: usize,
     /// The folders of attempts that may still be running, whose journals were therefore not repaired.
     running: Vec<PathBuf>,
-    /// The first error that is no refusal of an attempt; `None` if there is none. Later errors are in `unreadable`.
+    /// The first error that is no refusal of an attempt; `None` if there is none. Later errors of this kind are in
+    /// `unreadable`.
     failure: Option<Error>,
 }
 

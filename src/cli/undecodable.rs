@@ -14,10 +14,7 @@ pub fn explain(error: clap::Error, words: &[OsString]) -> clap::Error {
     }
     let wrong = words.iter().filter(|word| word.to_str().is_none());
     let wrong: Vec<String> = wrong.map(|word| format!("'{}'", line(&word.to_string_lossy()))).collect();
-    with_tip(
-        error,
-        format!("only the path of a file or a folder need not be UTF-8; not UTF-8: {}", wrong.join(", ")),
-    )
+    with_tip(error, format!("arguments other than paths must be UTF-8; not UTF-8: {}", wrong.join(", ")))
 }
 
 #[cfg(all(test, unix))]

@@ -116,8 +116,8 @@ impl Document {
         self.overrides.iter().any(|over| over.start <= span.start)
     }
 
-    /// Returns the span of the last override that sets the whole value of one of `keys`; the file's start if there is no
-    /// such override.
+    /// Returns the span of the last override that sets the whole value of one of `keys`; the file's start if there is
+    /// no such override.
     pub fn override_of(&self, keys: &[&str]) -> Range<usize> {
         let sets =
             |over: &&Override| over.line.split('=').next().is_some_and(|key| keys.contains(&key.trim()));

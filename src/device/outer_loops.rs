@@ -3,9 +3,9 @@
 //! wrong values if a work-group has more than one work-item, and most of them crash (see docs/reliability.md). Earlier
 //! versions do this only if an environment variable asks for it.
 
-/// The environment variable that decides whether PoCL adds barriers to loops in kernels that have none.
+/// The environment variable that decides whether PoCL adds barriers to the loops of kernels without barriers.
 const VARIABLE: &str = "POCL_FORCE_PARALLEL_OUTER_LOOP";
-/// The value without which PoCL 7 adds barriers. It is the default of earlier versions.
+/// With this value, PoCL adds no barriers. The value is the default of versions before 7.0.
 const NO_BARRIERS: &str = "0";
 
 /// Returns the environment variable that raycl must set before a driver is loaded, so that PoCL adds no barriers to
@@ -14,8 +14,8 @@ pub fn loop_variables() -> Vec<(&'static str, String)> {
     variables(std::env::var_os(VARIABLE).is_some())
 }
 
-/// Returns true if the setting (`NAME=VALUE`) is the one that raycl makes, which is also the default of PoCL before 7.0.
-/// The keys of points do not depend on such a setting, and a command is repeated without it.
+/// Returns true if the setting (`NAME=VALUE`) is the one that raycl makes, which is also the default of PoCL before
+/// 7.0. Neither the keys of points nor the printed commands that repeat a run contain this setting.
 pub fn is_usual(setting: &str) -> bool {
     setting.strip_prefix(VARIABLE).and_then(|rest| rest.strip_prefix('=')) == Some(NO_BARRIERS)
 }

@@ -86,8 +86,8 @@ impl<'a> Query<'a> {
         Ok(self.answer_and_number(sources)?.0)
     }
 
-    /// Returns the same as [`Self::answer`], and the number before it was rounded. The number is `None` if the answer is
-    /// no number, or if it has a remark: such a number is not compared with others.
+    /// Returns the same as [`Self::answer`], and the number before it was rounded. The number is `None` if the answer
+    /// is no number, or if it has a remark: a number with a remark is not compared with others.
     pub fn answer_and_number(&self, sources: &Sources) -> Result<(Figure, Option<f64>), String> {
         let answered = match &self.operands[..] {
             [one, other, ..] => (quotient(&operand(sources, one)?, &operand(sources, other)?), String::new()),

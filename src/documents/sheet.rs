@@ -208,8 +208,8 @@ pub fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
     format!("| {} |", cells.collect::<Vec<_>>().join(" | ")).replace("|  |", "| |")
 }
 
-/// Returns the texts of a column's cells, with the least or the greatest number in bold. The numbers before rounding are
-/// compared. The texts stay as they are if `bold` is `None` or no cell has a number.
+/// Returns the texts of a column's cells, with the least or the greatest number in bold. The numbers before rounding
+/// are compared. The texts stay as they are if `bold` is `None` or no cell has a number.
 fn emboldened(cells: Vec<(String, Option<f64>)>, bold: Option<Bold>) -> Vec<String> {
     let (mut cells, numbers): (Vec<_>, Vec<_>) = cells.into_iter().unzip();
     let Some(bold) = bold else { return cells };

@@ -28,8 +28,7 @@ pub fn other_space(bytes: &[u8]) -> Option<String> {
     }
 }
 
-/// Returns true if each of the three primaries of a header is stated (as X, Y and Z), and one of them differs from
-/// sRGB's.
+/// Returns true if a primary that a header states (as X, Y and Z) differs from sRGB's.
 fn has_other_primaries(header: &[u8]) -> bool {
     let primary = |at: usize| {
         let [x, y, z] = [0, 4, 8].map(|offset| u32_at(header, at + offset).unwrap_or(0) as f32);
@@ -40,9 +39,8 @@ fn has_other_primaries(header: &[u8]) -> bool {
     stated.as_flattened().iter().zip(SRGB).any(is_other)
 }
 
-/// Returns true if a BMP has 32 bits per texel without bit masks, so that the fourth byte of a texel has no meaning by
-/// the format's definition, but these bytes are not the same number 0 or 255 everywhere. Some programs store alpha in
-/// these bytes.
+/// Returns true if a BMP has 32 bits per texel without bit masks, and the fourth bytes of its texels are neither all 0
+/// nor all 255. By the format's definition, these bytes have no meaning, but some programs store alpha in them.
 pub fn has_fourth_channel(bytes: &[u8]) -> bool {
     let states = || {
         let header = bytes.get(FILE_HEADER_BYTES..)?;

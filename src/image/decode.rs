@@ -94,8 +94,8 @@ fn header_segments(bytes: &[u8]) -> impl Iterator<Item = (u8, &[u8])> {
     header.map(|(kind, data, _)| (kind, data))
 }
 
-/// Returns the segments of a JPEG up to the start of its first scan: for each, the second byte of its marker, its data
-/// and the bytes of the file after the segment.
+/// Returns the segments of a JPEG up to the header of its first scan: for each, the second byte of its marker, its
+/// data, and the bytes of the file after the segment.
 pub(super) fn segments(bytes: &[u8]) -> impl Iterator<Item = (u8, &[u8], &[u8])> {
     let mut rest = bytes.get(2..).unwrap_or_default();
     std::iter::from_fn(move || {

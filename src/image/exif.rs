@@ -1,6 +1,7 @@
 //! Reads the colour space from the Exif data of a picture (JEITA CP-3451, "Exchangeable image file format").
 
-/// The tags of the two lists of entries that the first list and the list of Exif point to.
+/// The tags of entries that point to further lists: the first list has an entry `EXIF` that points to the list of Exif,
+/// and this list has an entry `INTEROPERABILITY` that points to a third list.
 const EXIF: u16 = 0x8769;
 const INTEROPERABILITY: u16 = 0xa005;
 const COLOUR_SPACE: u16 = 0xa001;

@@ -1,27 +1,28 @@
-//! Checks the compressed values of a baseline JPEG (ITU-T T.81, Huffman coding), which the decoder does not check: it
-//! replaces values that are missing or damaged by others without an error. Only the lengths of the values are read, so
-//! the check takes less time than decoding.
+//! Checks the compressed values of a baseline JPEG (ITU-T T.81, Huffman coding), which the decoder does not check: the
+//! decoder replaces values that are missing or damaged by others without an error. Only the lengths of the values are
+//! read, so the check takes less time than decoding.
 
 use super::decode::segments;
 use super::jpeg::{MARKER, START_OF_SCAN};
 
-/// The second bytes of markers: the two kinds of frames that are checked, code tables, and the number of blocks between
-/// markers for restarts.
+/// The second bytes of markers: the two kinds of frames that are checked (baseline, and extended with Huffman coding),
+/// code tables, and the number of groups of blocks between markers for restarts.
 const FRAMES: [u8; 2] = [0xc0, 0xc1];
 const CODES: u8 = 0xc4;
 const RESTARTS: u8 = 0xdd;
 /// The second byte of the first of the eight markers for restarts.
 const FIRST_RESTART: u8 = 0xd0;
-/// The largest number of bytes that may be left when all blocks are read, with the byte of [`Bits::is_padded`]. Some
-/// programs write a few.
+/// The largest number of bytes that may be left when all blocks are read, including the eight zeros of
+/// [`Bits::is_padded`]. Some programs write a few bytes after the last block.
 const MOST_LEFT: usize = 4;
 
 /// For each possible next 16 bits, the length of the code at their beginning (0 if no code begins so) and its value.
 type Codes = Vec<[u8; 2]>;
 
-/// Returns true if the compressed values end before the last block of the picture or after it, or if they contain a
-/// code that does not exist. Nearly all losses of many bytes have one of these effects, and about half of all changes of a
-/// byte. A picture that is not baseline, or has several scans, is not checked.
+/// Returns true if the compressed values end too early or too late for the picture's number of blocks, or contain a
+/// code that does not exist. Nearly all losses of many bytes have one of these effects, and so have about half of all
+/// changes of a single byte. A picture with another kind of frame than [`FRAMES`], or with several scans, is not
+/// checked.
 pub fn is_damaged(bytes: &[u8]) -> bool {
     let Some((blocks, mut bits)) = blocks_of(bytes) else { return false };
     blocks.pass_all(&mut bits).is_none() || bits.pass_rest() > MOST_LEFT
@@ -38,7 +39,8 @@ struct Blocks {
     restarts: usize,
 }
 
-/// Returns the blocks of a baseline JPEG with a single scan, and the bits of this scan; `None` for other pictures.
+/// Returns the blocks of a JPEG with a frame of [`FRAMES`] and a single scan, and the bits of this scan; `None` for
+/// other pictures.
 fn blocks_of(bytes: &[u8]) -> Option<(Blocks, Bits<'_>)> {
     let (mut codes, mut restarts, mut frame) = ([const { Vec::new() }; 8], 0, None);
     for (kind, data, rest) in segments(bytes) {

@@ -57,8 +57,8 @@ pub fn unread_channels(bytes: &[u8]) -> Vec<String> {
 }
 
 /// Returns remarks on a picture's header: on other primaries or another white than sRGB's, on a cube map, on a pixel
-/// aspect ratio other than 1, on a luminance of white, on a GAMMA other than 1 and on a VIEW. The
-/// caller puts the file's name before each remark.
+/// aspect ratio other than 1, on a luminance of white, on a GAMMA other than 1 and on a VIEW. The caller
+/// puts the file's name before each remark.
 pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let headers = exr_headers(bytes);
     let header = headers.iter().find(|header| is_decoded(header));
@@ -91,7 +91,9 @@ pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     let luminance =
         header.and_then(|header| header.own_attributes.white_luminance).filter(|stated| *stated != 1.0);
     let luminance = luminance.map(|stated| {
-        format!("states that white is {stated} cd/m2, which raycl ignores: its values count as radiance")
+        format!(
+            "states that white is {stated} cd/m2, which raycl ignores: the picture's values count as radiance"
+        )
     });
     let view = hdr_view(bytes).map(|view| {
         format!("states the projection {view} (in VIEW), but is used as an equirectangular picture")
@@ -146,8 +148,8 @@ fn hdr_gamma(bytes: &[u8]) -> Option<f32> {
 }
 
 /// Returns the projection that the last line VIEW in the header of a Radiance HDR picture states, such as `-vta`;
-/// `None` if the header has no such line. Radiance has no name for an equirectangular picture, so each stated projection is
-/// another one.
+/// `None` if the header has no such line. Radiance has no name for an equirectangular picture, so each stated
+/// projection is another one.
 fn hdr_view(bytes: &[u8]) -> Option<String> {
     let header = hdr_header(bytes)?;
     let (_, text) = header.custom_attributes.iter().rfind(|(key, _)| key == "VIEW")?;
@@ -256,7 +258,8 @@ mod tests {
         image.layer_data.attributes.white_luminance = Some(100.0);
         let mut bytes = Cursor::new(Vec::new());
         image.write().to_buffered(&mut bytes).unwrap();
-        let luminance = "states that white is 100 cd/m2, which raycl ignores: its values count as radiance";
+        let luminance =
+            "states that white is 100 cd/m2, which raycl ignores: the picture's values count as radiance";
         assert_eq!(header_remarks(bytes.get_ref()), [aspect, luminance]);
     }
 

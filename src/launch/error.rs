@@ -155,9 +155,9 @@ impl From<ocl::Error> for LaunchError {
     }
 }
 
-/// Returns what follows from `status`, as the end of a message; empty if the status says enough. raycl asks only for the
-/// times of commands for which it has waited. PoCL compiles a kernel when it starts, and says by this status only that
-/// it failed to do so.
+/// Returns what follows from `status`, as the end of a message; empty if the status says enough. raycl asks only for
+/// the times of commands for which it has waited, so a kernel without times has failed. PoCL compiles a kernel when the
+/// kernel starts; if this compilation fails, the missing times are the only sign of it.
 fn consequence(status: Option<Status>) -> &'static str {
     match status {
         Some(Status::CL_PROFILING_INFO_NOT_AVAILABLE) => {

@@ -42,8 +42,8 @@ impl<'a> Listing<'a> {
         let code = |kernel: &&str| {
             // PoCL's function for a kernel runs a whole work-group. PoCL also writes two other functions, which
             // read the kernel's arguments and then run a copy of the first function's code. raycl leaves out
-            // these two functions, because the copies have no source lines. PoCL 7.1 inlines the first function into the
-            // function whose name ends in `_workgroup`, and writes only this one.
+            // these two functions, because the copies have no source lines. PoCL 7.1 writes only one function, whose
+            // name ends in `_workgroup`, and which contains the code with its source lines.
             let of_pocl = format!("_pocl_kernel_{kernel}");
             let names = [of_pocl.clone(), format!("{of_pocl}_workgroup"), (*kernel).to_owned()];
             let own = names.iter().find_map(|name| self.function(name))?;

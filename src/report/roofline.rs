@@ -208,8 +208,8 @@ fn caption(rates: Rates<'_>, left_out: &[&Record]) -> String {
         Rates::Known => "Dashed lines are roofs: the device's measured peak rates. A point above a memory's roof \
                       gets its data from caches or another memory."
             .to_owned(),
-        Rates::Zero => "The plot has no roofs, because the file of the device's peak rates says that its arithmetic or \
-                        its memories have a rate of 0."
+        Rates::Zero => "The plot has no roofs, because the file of peak rates says that the device's arithmetic or \
+                        both of its memories have a rate of 0."
             .to_owned(),
         Rates::Unknown([]) => "The device's rates, which a roofline shows as roofs, were not measured with these \
                         records, so the plot has no roofs. `raycl peak --out DIR/peak.json` or `raycl run CONFIG --peak` \

@@ -291,8 +291,8 @@ impl Live {
 
     /// Changes to the local size that is `steps` steps further in the list, or back if `steps` is negative. If the
     /// device cannot use this local size, changes to the first usable local size after it (before it, if `steps` is
-    /// negative). The first local size of the list is raycl's choice, unless the user has named it on the command line;
-    /// only for this choice, raycl may make a work-group smaller that is too large for the device.
+    /// negative). If the user has named no local size on the command line, the first local size of the list is raycl's
+    /// choice. Only for this choice, raycl may shrink a work-group that is too large for the device.
     ///
     /// # Errors
     ///

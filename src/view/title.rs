@@ -15,7 +15,7 @@ pub fn line(
 ) -> String {
     let [across, down] = live.local_size();
     let [cast, samples] = live.progress();
-    // A rate that is not measured yet is 0. While nothing is cast, the rate of frames is 0, too.
+    // Both rates are 0 until they are measured. Later, the rate of frames is 0 while nothing is cast.
     let [has_frames, has_rays] = [frames_per_s + rays_per_s, rays_per_s].map(|rate| rate > 0.0);
     let parts = [
         live.scene().name.clone(),

@@ -111,9 +111,10 @@ pub fn device() -> String {
     std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned())
 }
 
-/// Returns the environment variable that turns off optimisation in PoCL's compiler, if this works. Kernels that are wrong
-/// with optimisation are wrong without it, too, and their compilation takes two fifths less time. PoCL 7.1 cannot load
-/// kernels that were compiled without optimisation, since their helper functions then still call `get_global_id`.
+/// Returns the environment variable that turns off optimisation in PoCL's compiler; `None` for PoCL 7 and later.
+/// Kernels that are wrong with optimisation are wrong without it, too, and their compilation takes two fifths less
+/// time. PoCL 7.1 cannot load kernels that were compiled without optimisation, since their helper functions then still
+/// call `get_global_id`.
 pub fn without_optimisation() -> Option<(&'static str, &'static str)> {
     let driver = crate::common::device().info.driver;
     let major = driver.split('.').next().and_then(|number| number.parse::<u32>().ok());

@@ -21,7 +21,7 @@ use glam::Vec3;
 /// - For a bare mesh without a sky, the lights are a key light and a fill light.
 ///
 /// If no rule applies, the function returns no lights. Adds a note if the scene has no sky, and either no light or only
-/// lights of power 0.
+/// lights of power 0. (In an animation, lights of power 0 cause no note.)
 pub(super) fn lights(
     document: &Document,
     wire: &SceneWire,

@@ -104,7 +104,7 @@ pub(in crate::scene) fn note(lights: &[FileLight], is_emissive: bool) -> String 
         1 => "; 1 directional light is shown as a distant point light".to_owned(),
         _ => format!("; {distant} directional lights are shown as distant point lights"),
     };
-    let emitted = if is_emissive { "; emitted light does not change with them" } else { "" };
+    let emitted = if is_emissive { "; light that surfaces emit keeps its strength" } else { "" };
     format!("{ratios}{distant}{emitted}")
 }
 
@@ -168,7 +168,7 @@ mod tests {
         let ratios = "the file's lights keep only the ratios of their intensities";
         assert_eq!(note(&[point], false), ratios);
         let expected = format!(
-            "{ratios}; 1 directional light is shown as a distant point light; emitted light does not change with them"
+            "{ratios}; 1 directional light is shown as a distant point light; light that surfaces emit keeps its strength"
         );
         assert_eq!(note(&[sun, point], true), expected);
         let expected = format!("{ratios}; 2 directional lights are shown as distant point lights");

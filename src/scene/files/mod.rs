@@ -166,8 +166,9 @@ pub(in crate::scene) fn note_normals(mesh: &Mesh) -> Option<String> {
 }
 
 /// Returns a note if most vertices of a mesh are corners of no triangle, as in a cloud of points of which a part has
-/// faces. `invalid` is the number of vertices that are not valid; these do not count. If most vertices are corners, a
-/// mesh usually has fewer vertices than triangles. In this case, the function takes no time.
+/// faces. `invalid` is the number of vertices that are not valid; these do not count. A mesh with at most as many
+/// vertices as triangles causes no note: usually, most of its vertices are corners, and looking at all triangles would
+/// take time.
 pub(in crate::scene) fn note_points(mesh: &Mesh, invalid: usize) -> Option<String> {
     if mesh.positions.len() <= mesh.triangles.len() {
         return None;

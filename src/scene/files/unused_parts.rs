@@ -20,11 +20,11 @@ impl Part {
     /// Returns the part's name, what is the matter with it, and what raycl does instead, all for messages.
     fn words(self) -> (&'static str, &'static str, &'static str) {
         let (what, instead) = match self {
-            Self::Data => return ("data", "is damaged", "some texels are wrong"),
+            Self::Data => return ("data", "is damaged", "some texels are probably wrong"),
             Self::ColourSpace => ("colour space", "values count as sRGB"),
             Self::Orientation => ("orientation", "the picture is neither turned nor mirrored"),
             Self::Animation => ("animation", "only one picture is shown"),
-            Self::Rest => ("rest", "the first picture is shown"),
+            Self::Rest => ("data after the end", "only the picture before it is shown"),
             Self::FourthChannel => ("fourth channel", "it does not count as alpha"),
             Self::Alpha => ("alpha", "without a map_d, a surface has no holes"),
             Self::Opacity => ("partial opacity", "every point is either opaque or a hole"),
@@ -70,7 +70,7 @@ mod tests {
         unused.add(Part::Data, "`d.jpg`".to_owned(), "");
         let expected = [
             "colour space of 1 texture is not used (`c.png`: gAMA 1): values count as sRGB",
-            "data of 1 texture is damaged (`d.jpg`): some texels are wrong",
+            "data of 1 texture is damaged (`d.jpg`): some texels are probably wrong",
             "alpha of 2 textures is not used (for example `a.png`): without a map_d, a surface has no holes",
         ];
         assert_eq!(unused.notes(true, &[]).collect::<Vec<_>>(), expected);

@@ -455,7 +455,7 @@ pub(super) fn note_early(
     let what = match early == triangles {
         true => {
             let of_files = counted_are(materials, "material of the MTL files");
-            format!("no `usemtl` precedes a face, so {of_files} not used")
+            format!("no `usemtl` selects a material for the faces, so {of_files} not used")
         }
         false => {
             let have = if early == 1 { "has" } else { "have" };
@@ -481,8 +481,8 @@ pub(super) fn note_unnamed_normals(faces: &[FaceChunk], normals: usize, notes: &
     let note = || {
         let are = if normals == 1 { "is" } else { "are" };
         format!(
-            "{} (vn) {are} not used, since no face names a normal, as in `f 1//1 2//2 3//3`; normals are computed from \
-             the faces' shape instead",
+            "{} (vn) {are} not used, since no face names a normal (as `f 1//1 2//2 3//3` would); normals are computed \
+             from the faces' shape instead",
             counted(normals, "normal")
         )
     };

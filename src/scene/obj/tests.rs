@@ -478,7 +478,7 @@ fn a_textured_triangle_whose_vertices_have_colours_is_noted_unless_they_are_whit
         parse("test.obj", Reach { folder: folder.path(), ..nowhere() }, text.as_bytes()).unwrap().notes
     };
     let expected = "textures of 1 triangle are multiplied by the colours of vertices, although many programs show the \
-                    texture alone; `k_l = 1` in the object's `material` leaves these colours out";
+                    texture alone; a scene that sets `k_l = 1` leaves these colours out";
     assert_eq!(notes("0.5 1 1"), [expected]);
     assert_eq!([notes("1 1 1"), notes("255 255 255"), notes("")].concat(), [""; 0]);
 }
@@ -487,8 +487,9 @@ fn a_textured_triangle_whose_vertices_have_colours_is_noted_unless_they_are_whit
 fn faces_without_a_material_are_noted_if_the_file_has_materials() {
     let red = "newmtl a\nKd 1 0 0\n";
     let default = "the default, k_L 0.8 (grey), is used, unless the scene sets another `k_l`";
-    let none =
-        format!("no `usemtl` precedes a face, so 2 materials of the MTL files are not used: {default}");
+    let none = format!(
+        "no `usemtl` selects a material for the faces, so 2 materials of the MTL files are not used: {default}"
+    );
     assert_eq!(notes_of("", &format!("{red}newmtl b\n")), [none.as_str()]);
     let early = format!("2 triangles before the first `usemtl` have no material: {default}");
     assert_eq!(notes_of("f 1 2 3\nf 1 2 3\nusemtl a", red), [early.as_str()]);
@@ -502,8 +503,8 @@ fn faces_without_a_material_are_noted_if_the_file_has_materials() {
 
 #[test]
 fn normals_that_no_face_names_are_noted() {
-    let expected = "2 normals (vn) are not used, since no face names a normal, as in `f 1//1 2//2 3//3`; normals are \
-                    computed from the faces' shape instead";
+    let expected = "2 normals (vn) are not used, since no face names a normal (as `f 1//1 2//2 3//3` would); normals \
+                    are computed from the faces' shape instead";
     assert_eq!(notes_of("vn 0 0 1\nvn 0 0 1", ""), [expected]);
     // Another note concerns normals that are named, but cannot be used.
     for named in [

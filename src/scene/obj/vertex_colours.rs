@@ -13,8 +13,8 @@ use glam::Vec3;
 /// vertex without a colour becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
 /// If a triangle uses a vertex whose colour has a channel larger than this, all channels in the file count as
-/// numbers from 0 to 255. If an alpha of such a vertex is larger than this, all alphas count as numbers from 0 to 255.
-/// The limit is above 1, because rounded channels may be slightly larger than 1.
+/// numbers from 0 to 255. If a triangle uses a vertex whose alpha is larger than this, all alphas count as numbers from
+/// 0 to 255. The limit is above 1, because rounded channels may be slightly larger than 1.
 const MOST_OF_UNIT: f32 = 1.5;
 /// If the largest channel is smaller than this, it is doubtful that channels are numbers from 0 to 255, since all
 /// colours would be almost black.
@@ -44,7 +44,7 @@ pub(super) fn note_textured(mesh: &Mesh, linear: &[Vec3]) -> Option<String> {
     let note = || {
         format!(
             "textures of {} are multiplied by the colours of vertices, although many programs show the texture alone; \
-             `k_l = 1` in the object's `material` leaves these colours out",
+             a scene that sets `k_l = 1` leaves these colours out",
             counted(count, "triangle")
         )
     };
@@ -71,8 +71,8 @@ fn full_channel(brightest: f32) -> f32 {
 }
 
 impl VertexColours {
-    /// Collects the colours of the vertices that triangles use; `None` if no such vertex has a colour. `starts` has the
-    /// number of vertices before each piece.
+    /// Collects the colours of the vertices that triangles use (`None` if no such vertex has a colour), and the parts
+    /// of these colours that raycl does not use. `starts` has the number of vertices before each piece.
     pub fn of(chunks: &[PointChunk], starts: &[Start], mesh: &Mesh) -> (Option<Self>, Unused) {
         if !are_any(chunks) && chunks.iter().all(|chunk| chunk.odd_colours.is_empty()) {
             return (None, Unused::default());

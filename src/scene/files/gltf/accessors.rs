@@ -247,7 +247,7 @@ impl<'a> Numbers<'a> {
 pub(super) fn notes(numbers: Numbers<'_>) -> impl Iterator<Item = String> {
     let twice = numbers.root.accessors.iter().filter(|accessor| numbers.replaces_twice(accessor));
     let what = "sparse accessor with an index that occurs twice";
-    notes_on([(twice.count(), what, "read with the last of the index's values")])
+    notes_on([(twice.count(), what, "read with the index's last value")])
 }
 
 /// Returns a function that puts the name of an accessor before a message about it.

@@ -20,9 +20,12 @@ fn of_texture(texture: &Texture) -> impl Iterator<Item = &str> {
 /// Returns words on a texture without a picture that raycl could read.
 pub(super) fn missing(texture: &Texture) -> String {
     let names: Vec<_> = of_texture(texture).map(|name| quoted(name.as_bytes())).collect();
-    let only =
-        if names.is_empty() { String::new() } else { format!(" (only {})", first(&names, MOST_LISTED)) };
-    format!("has no picture of a format that raycl reads{only}")
+    let other = if names.is_empty() {
+        String::new()
+    } else {
+        format!(" (its picture is in {})", first(&names, MOST_LISTED))
+    };
+    format!("has no picture of a format that raycl reads{other}")
 }
 
 /// The other pictures of the textures that raycl uses.
@@ -59,10 +62,11 @@ impl<'a> Fallbacks<'a> {
         let names = self.extensions.iter().filter(|(_, has_fallback)| **has_fallback);
         let names: Vec<_> = names.map(|(name, _)| quoted(name.as_bytes())).collect();
         let textures = counted(self.count, "texture");
-        let fallbacks =
-            if self.count == 1 { "uses its fallback picture" } else { "use their fallback pictures" };
-        let others =
-            if quotes { first(&names, MOST_LISTED) } else { "a picture of another format".to_owned() };
-        (self.count > 0).then(|| format!("{textures} {fallbacks} instead of {others}"))
+        let fallbacks = match self.count {
+            1 => "uses its fallback picture instead of the one in",
+            _ => "use their fallback pictures instead of those in",
+        };
+        let others = if quotes { first(&names, MOST_LISTED) } else { "an extension".to_owned() };
+        (self.count > 0).then(|| format!("{textures} {fallbacks} {others}"))
     }
 }

@@ -104,12 +104,12 @@ fn full_channel(property: &Property) -> f64 {
     }
 }
 
-/// Checks the range of colours whose channels are whole numbers, except those of the type `uchar`. `element` is the
+/// Checks the range of colours whose channels all have the type `ushort`, `short`, `int` or `uint`. `element` is the
 /// definition of the colours' elements, and `colours` returns the colours.
 ///
 /// Some programs write channels from 0 to 255 in the type `ushort`. If none of these channels is larger than 255, all
-/// colours would be almost black, so the channels count as numbers from 0 to 255, with a note. In wider types, channels
-/// from 0 to 1 are also almost black; they cause only a note.
+/// colours would be almost black, so the channels count as numbers from 0 to 255, with a note. In the other three
+/// types, colours are almost black if no channel is larger than 1; this causes only a note.
 pub(super) fn check_range<'a>(
     element: &ElementDef,
     colours: impl FnOnce() -> Vec<&'a mut Colour>,

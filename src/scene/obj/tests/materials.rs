@@ -765,8 +765,8 @@ fn values_after_those_of_a_colour_or_a_shininess_are_noted() {
     let expected =
         "m.mtl:2: values after the third of Kd, Ks or Ke, or after the first of Ns, are not read (3 lines)";
     assert!(file.notes.len() == 1 && file.notes[0].ends_with(expected), "{:?}", file.notes);
-    let expected = "m.mtl:2: a Kd or Ks of 16 or more counts as a reflectance, of which 1 is white, not as a channel \
-                    from 0 to 255 (2 lines)";
+    let expected = "m.mtl:2: a Kd or Ks of 16 or more counts as a reflectance (1 is white), not as a channel from 0 \
+                    to 255 (2 lines)";
     let bright = notes_of("usemtl a", "newmtl a\nKd 200 0 0\nKs 16\nKe 200 0 0\n");
     assert!(bright.len() == 1 && bright[0].ends_with(expected), "{bright:?}");
     let usual = notes_of("usemtl a", "newmtl a\nKd 1.6 15 0.5 # 20\nKs 1 1 1 # white\nNs 10\n");

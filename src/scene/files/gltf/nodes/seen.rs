@@ -30,11 +30,11 @@ impl FileCamera<'_> {
 }
 
 impl Walk<'_> {
-    /// Adds the camera of a node. The camera looks along the node's -z axis. The node's scale has no effect (glTF 2.0,
-    /// 3.10.2), so it does not change the camera's znear either. A camera that is not a perspective camera,
-    /// or whose directions the node's transform makes zero or parallel, is counted but not added. A camera with an
-    /// impossible field of view is counted, and gets a field of view of 45 degrees. A camera with an impossible znear is
-    /// counted, and gets a znear of 0.
+    /// Adds the camera of a node. The camera looks along the node's -z axis. The lengths of the node's axes have no
+    /// effect (glTF 2.0, 3.10.2), so a scale does not change the camera's znear, either. A camera that is not a
+    /// perspective camera, or whose directions the node's transform makes zero or parallel, is counted but not added. A
+    /// camera with an impossible field of view is counted, and gets a field of view of 45 degrees. A camera with an
+    /// impossible znear is counted, and gets a znear of 0.
     pub(super) fn add_camera(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =

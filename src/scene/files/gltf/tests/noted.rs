@@ -232,8 +232,7 @@ fn a_sparse_accessor_that_replaces_an_element_twice_is_noted() {
             .replace(r#""count": 3, "type": "VEC3""#, &sparse("2"))
     };
     assert_noted(&text([0, 2]), &[]);
-    let note =
-        "1 sparse accessor with an index that occurs twice is read with the last of the index's values";
+    let note = "1 sparse accessor with an index that occurs twice is read with the index's last value";
     assert_noted(&text([2, 2]), &[note]);
 }
 
@@ -250,7 +249,7 @@ fn a_binary_part_that_is_longer_than_its_buffer_is_noted() {
     assert_eq!(notes(46), [note]);
 }
 
-/// As the standard requires, a scale has no effect on a camera.
+/// As the standard requires, raycl ignores the lengths of a camera's axes, so a scale of the node causes no note.
 #[test]
 fn a_camera_with_a_skewed_transform_is_noted() {
     let camera = r#""cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]"#;

@@ -444,14 +444,14 @@ fn fallbacks_and_missing_pictures_are_noted_with_the_extensions_of_their_texture
         (file.mesh.textures.list.len(), file.notes)
     };
     let odd = "unsupported extensions are ignored: `EXT_odd`".to_owned();
-    let note = "1 texture uses its fallback picture instead of `EXT_texture_webp`".to_owned();
+    let note = "1 texture uses its fallback picture instead of the one in `EXT_texture_webp`".to_owned();
     assert_eq!(read_with(&text, 0), (1, vec![note, odd.clone()]));
     let reach = Reach { folder: Path::new("/nowhere"), permitted: Permitted { quotes: false, ..PERMITTED } };
     let notes = parse("a.gltf", reach, text.as_bytes()).unwrap().notes;
-    let note = "1 texture uses its fallback picture instead of a picture of another format";
+    let note = "1 texture uses its fallback picture instead of the one in an extension";
     assert_eq!(notes, [note, "unsupported extensions are ignored"]);
-    let note = "texture 1 has no picture of a format that raycl reads (only `EXT_texture_webp`): its material's own \
-                colour is used";
+    let note = "texture 1 has no picture of a format that raycl reads (its picture is in `EXT_texture_webp`): its \
+                material's own colour is used";
     assert_eq!(read_with(&text, 1), (0, vec![note.to_owned(), odd]));
     // The extension of a texture that raycl does not use is named as every other extension.
     let plain = text.replace("baseColorTexture", "metallicRoughnessTexture");
