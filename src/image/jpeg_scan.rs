@@ -16,7 +16,8 @@ const FIRST_RESTART: u8 = 0xd0;
 /// [`Bits::is_padded`]. Some programs write a few bytes after the last block.
 const MOST_LEFT: usize = 4;
 
-/// For each possible next 16 bits, the length of the code at their beginning (0 if no code begins so) and its value.
+/// For each possible value of the next 16 bits, the length of the code with which they begin, and the code's value. The
+/// length is 0 if they begin with no code.
 type Codes = Vec<[u8; 2]>;
 
 /// Returns true if the compressed values end too early or too late for the picture's number of blocks, or contain a
@@ -134,7 +135,7 @@ impl<'a> Bits<'a> {
         Self { rest, word: 0, count: 0, is_padded: false }
     }
 
-    /// Fills `word`, except with what is beyond a marker.
+    /// Fills `word` with the bits before the next marker. If there are too few, adds eight zeros once.
     fn fill(&mut self) {
         while self.count <= 56 {
             let (byte, length) = match *self.rest {
@@ -152,7 +153,8 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// Passes a code and the bits after it, whose number the lower half of the code's value states. Returns the value.
+    /// Passes a code and the bits after it. The lower half of the code's value states how many bits these are. Returns
+    /// the code's value.
     fn pass(&mut self, codes: &Codes) -> Option<u8> {
         if self.count < 32 {
             self.fill();
@@ -187,7 +189,7 @@ impl<'a> Bits<'a> {
         is_next.then_some(())
     }
 
-    /// Passes all bits before the next marker, and returns their number of whole bytes.
+    /// Passes all bits before the next marker. Returns how many whole bytes these bits are.
     fn pass_rest(&mut self) -> usize {
         let mut left = 0;
         loop {

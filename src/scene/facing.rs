@@ -44,7 +44,9 @@ pub(super) fn note(
     let ground = if own < scene.mesh.triangles.len() { " (without the ground)" } else { "" };
     let remedy = match (two_sided, turns) {
         (true, _) => "in a scene that is seen from all sides, raycl reverses either all normals or none",
-        (false, true) => "with --two-sided (two_sided = true), raycl reverses either all normals or none",
+        (false, true) => {
+            "in a scene that is seen from all sides, --two-sided (two_sided = true) reverses either all normals or none"
+        }
         (false, false) => "--two-sided (two_sided = true) reverses the normals of this part",
     };
     (part > MOST).then(|| {

@@ -71,7 +71,7 @@ fn a_surface_that_turns_is_noted_if_it_faces_away_at_first() {
     // Without `two_sided`, the advice depends on whether the scene turns.
     std::fs::write(&path, text.replace("two_sided = true\n", "")).unwrap();
     let advises = |turns, words: &str| notes(turns).iter().any(|note| note.ends_with(words));
-    assert!(advises(true, "with --two-sided (two_sided = true), raycl reverses either all normals or none"));
+    assert!(advises(true, "--two-sided (two_sided = true) reverses either all normals or none"));
     assert!(advises(false, "--two-sided (two_sided = true) reverses the normals of this part"));
 }
 

@@ -69,7 +69,7 @@ pub(in crate::scene) struct Pictures {
     decoded: HashMap<PathBuf, Parsed<Decoded>>,
     /// The index in `list` of each texture, by picture and usage.
     known: HashMap<(PathBuf, Usage), u32>,
-    /// For textures in `list`, by their indices: true if a part of their alpha is not used.
+    /// For textures in `list`, by their indices: true if a part of the texture's alpha is not used.
     alphas: HashMap<u32, bool>,
     /// The number of texels of all pictures in `decoded`. Textures of the same picture share its texels, except masks
     /// whose alpha is made from brightness; the texels of such masks are not counted.
@@ -160,8 +160,8 @@ fn has_alpha(texture: &Texture) -> bool {
     texture.texels.iter().any(|texel| texel >> 24 < 255)
 }
 
-/// Returns true if many texels of a mask are neither transparent nor opaque. A texel counts only if its four neighbours
-/// are so, too. Thus, the soft edges of opaque parts do not count.
+/// Returns true if many texels of a mask are neither transparent nor opaque. A texel counts only if this is true of
+/// its four neighbours, too. Thus, the soft edges of opaque parts do not count.
 fn is_translucent(texture: &Texture) -> bool {
     let [width, height] = texture.size.map(|side| side as usize);
     let is_partial = |x: usize, y: usize| PARTIAL_ALPHAS.contains(&(texture.texels[y * width + x] >> 24));
@@ -255,7 +255,7 @@ fn divided_by_alpha(texel: u32) -> u32 {
     u32::from_le_bytes([red, green, blue, alpha])
 }
 
-/// Returns the parts of a picture that are not used or damaged, each with a text for messages (see [`Decoded`]).
+/// Returns the parts of a picture that are damaged or not used, each with a text for messages (see [`Decoded`]).
 fn unused_parts(bytes: &[u8], format: ImageFormat, decoder: &mut impl ImageDecoder) -> Vec<(Part, String)> {
     let space = other_colour_space(bytes, format, decoder).map(|space| (Part::ColourSpace, space));
     let orientation = decoder.orientation().map_or(1, |orientation| orientation.to_exif());

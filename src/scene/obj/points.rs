@@ -272,7 +272,11 @@ pub(super) fn note_flat(chunks: &[PointChunk], notes: &mut Vec<String>) {
 /// there are any.
 pub(super) fn note_surplus(chunks: &[PointChunk], source: &Source, notes: &mut Vec<String>) {
     let weights = Seen::of_all(chunks.iter().map(|chunk| chunk.weights));
-    notes.extend(source.note_on_lines("line ", weights, "a single number after `v x y z` is ignored"));
+    notes.extend(source.note_on_lines(
+        "line ",
+        weights,
+        "a single number other than 1 after `v x y z` is ignored",
+    ));
     let surplus = Seen::of_all(chunks.iter().map(|chunk| chunk.surplus));
     let what = "numbers after the seventh of `v` or the third of `vn` are ignored";
     notes.extend(source.note_on_lines("line ", surplus, what));

@@ -429,7 +429,7 @@ fn colours_of_vertices_that_are_changed_or_not_used_are_noted() {
     let alpha = "alpha of 1 vertex is not used: every surface is opaque";
     let odd = "line 1: colours of 1 vertex are not used: expected three finite numbers after x, y and z";
     let white = "1 vertex without a colour is shown in white";
-    let weight = "line 1: a single number after `v x y z` is ignored (1 line)";
+    let weight = "line 1: a single number other than 1 after `v x y z` is ignored (1 line)";
     for (first, expected) in [
         ("", vec![white]),
         ("0.5", vec![weight, white]),
@@ -552,7 +552,7 @@ fn lines_with_more_numbers_than_are_read_are_counted() {
     let expected = "line 1: numbers after the seventh of `v` or the third of `vn` are ignored (2 lines)";
     assert_eq!(read(text).unwrap().notes, [expected]);
     let weights = read("v 0 0 0 2\nv 1 0 0 1\nv 0 1 0 1.0\nv 0 0 1 0\nf 1 2 3\n").unwrap().notes;
-    assert_eq!(weights, ["line 1: a single number after `v x y z` is ignored (2 lines)"]);
+    assert_eq!(weights, ["line 1: a single number other than 1 after `v x y z` is ignored (2 lines)"]);
     let textured = |coordinates: &str| {
         let mut notes = notes_of(coordinates, "newmtl a\nmap_Kd a.png\n");
         notes.retain(|note| note.contains("vt"));

@@ -32,8 +32,8 @@ pub(super) struct Survey {
     /// The names of the extensions in objects of kinds to which they do not belong (see [`Kind::takes`]), with the
     /// names of these kinds.
     pub misplaced: BTreeSet<(String, &'static str)>,
-    /// The keys that glTF does not define, each with its place and perhaps the key that is meant, in words, and with
-    /// the number of objects that have it.
+    /// For each key that glTF does not define, words on its place (and perhaps on the key that is meant), with the
+    /// number of objects that have the key.
     unknown: BTreeMap<String, usize>,
     /// The names of attributes that glTF does not define, with the number of primitives that have them. Names that
     /// begin with `_` are left out, because applications may choose such names.

@@ -72,8 +72,8 @@ pub(super) fn worlds(root: &Root, locals: &[Local], placed: &[PlacedNode]) -> Ve
     worlds
 }
 
-/// Returns the transform from a node's coordinates to the coordinates of its parent. `locals` has all nodes of the
-/// file.
+/// Returns the transform from a node's coordinates to the coordinates of its parent. `locals` has the transforms of all
+/// nodes of the file.
 fn local(locals: &[Local], node: Index<Node>) -> DMat4 {
     locals.get(node.value()).map_or(DMat4::IDENTITY, |local| local.0)
 }
