@@ -428,6 +428,16 @@ mod tests {
         }
     }
 
+    #[cfg(unix)]
+    #[test]
+    fn the_error_about_an_argument_that_is_not_utf_8_names_it() {
+        use std::os::unix::ffi::OsStringExt as _;
+        let words = ["raycl", "render", "a.toml", "--strategy"].map(OsString::from).into_iter();
+        let words: Vec<OsString> = words.chain([OsString::from_vec(b"width=\xff".to_vec())]).collect();
+        let error = explained(Cli::parse_words(&words).expect_err("a mistake"), &words);
+        assert!(error.to_string().contains("not UTF-8: 'width="), "{error}");
+    }
+
     /// Splits a command line into words, as a shell does. Spaces between single quotes do not split a word.
     fn words(line: &str) -> Vec<OsString> {
         let space = '\u{1}';

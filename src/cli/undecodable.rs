@@ -32,4 +32,13 @@ mod tests {
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("not UTF-8: 'width=\u{fffd}'"), "{error}");
     }
+
+    #[test]
+    fn a_path_that_is_not_utf_8_is_not_named_in_an_error_about_another_word() {
+        let path = OsString::from_vec(b"\xff.toml".to_vec());
+        let words = ["raycl", "render"].map(OsString::from).into_iter();
+        let words: Vec<OsString> = words.chain([path, "--nonsense".into()]).collect();
+        let error = explain(Cli::parse_words(&words).expect_err("a mistake"), &words);
+        assert!(!error.to_string().contains("not UTF-8"), "{error}");
+    }
 }

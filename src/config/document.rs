@@ -408,4 +408,14 @@ mod tests {
         let read: Read = document.read().unwrap();
         assert_eq!(read.list, BTreeMap::from([("0".to_owned(), 7), ("x".to_owned(), 2)]));
     }
+
+    #[test]
+    fn of_several_overrides_of_a_key_the_last_is_named() {
+        let overrides = [("list", "[1]"), ("list", "[]"), ("other", "2")]
+            .map(|(key, value)| (key.to_owned(), value.to_owned()));
+        let document = Document::new("a.toml".into(), "list = [3]\n".into(), &overrides).unwrap();
+        let (name, line, _) = document.part(&document.override_of(&["list"]));
+        assert_eq!((name, line.trim_end()), ("--set", "list = []"));
+        assert_eq!(document.override_of(&["none"]), 0..0);
+    }
 }

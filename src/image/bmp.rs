@@ -111,4 +111,44 @@ mod tests {
         with_masks[30] = 3;
         assert!(!has_fourth_channel(&with_masks) && !has_fourth_channel(&with_masks[..30]));
     }
+
+    #[test]
+    fn texels_after_a_short_header_state_no_colour_space() {
+        let mut bytes = bmp(108, b"\0\0\0\0", USUAL, 1.0, [0; 2]);
+        bytes[14] = 40;
+        assert_eq!(other_space(&bytes), None);
+    }
+
+    #[test]
+    fn primaries_with_smaller_numbers_than_those_of_srgb_are_others() {
+        let primaries = [0.64, 0.33, 0.03, 0.3, 0.6, 0.1, 0.1, 0.06, 0.84];
+        let stated = other_space(&bmp(108, b"\0\0\0\0", primaries, 2.2, [0; 2]));
+        assert_eq!(stated.as_deref(), Some("other primaries"));
+    }
+
+    #[test]
+    fn an_embedded_profile_is_found_by_its_place_and_length() {
+        let [one, start, length] = [1_u32, 144, 14].map(u32::to_be_bytes);
+        // A curve with the exponent 563 / 256, which is nearly 2.2.
+        let curve = [&b"curv\0\0\0\0"[..], &one[..], &[2, 51]].concat();
+        let profile = [&[0_u8; 128][..], &one, b"kTRC", &start, &length, &curve].concat();
+        let mut bytes = bmp(124, b"DEBM", USUAL, 0.0, [0; 2]);
+        let place = bytes.len() as u32 - 14;
+        bytes[14 + 112..14 + 116].copy_from_slice(&place.to_le_bytes());
+        bytes[14 + 116..14 + 120].copy_from_slice(&(profile.len() as u32).to_le_bytes());
+        assert_eq!(other_space(&[bytes, profile].concat()), None);
+    }
+
+    #[test]
+    fn only_texels_decide_whether_fourth_bytes_differ() {
+        let usual = bmp(40, b"\0\0\0\0", USUAL, 0.0, [0; 2]);
+        // A negative height means that the first row is the upper one.
+        let mut upside_down = [&usual[..], &[9; 4]].concat();
+        upside_down[22..26].copy_from_slice(&(-1_i32).to_le_bytes());
+        assert!(!has_fourth_channel(&upside_down));
+        let mut with_gap = usual;
+        with_gap.splice(54..54, [9; 4]);
+        with_gap[10] += 4;
+        assert!(!has_fourth_channel(&with_gap));
+    }
 }

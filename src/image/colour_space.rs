@@ -130,4 +130,15 @@ mod tests {
         let stated = decoder.as_mut().and_then(|decoder| other_colour_space(&tga, ImageFormat::Tga, decoder));
         assert_eq!(stated.as_deref(), Some("gamma 1.00"));
     }
+
+    #[test]
+    fn a_bmp_states_its_colour_space_in_its_header() {
+        let mut bmp = [0; 140];
+        (bmp[14], bmp[14 + 98]) = (108, 1);
+        // The decoder of any picture without a profile will do.
+        let tga = tga([0; 4], [0; 2], 3);
+        let mut decoder = TgaDecoder::new(Cursor::new(&tga)).ok();
+        let stated = decoder.as_mut().and_then(|decoder| other_colour_space(&bmp, ImageFormat::Bmp, decoder));
+        assert_eq!(stated.as_deref(), Some("gamma 1.00"));
+    }
 }

@@ -85,4 +85,13 @@ pub mod tests {
             }
         }
     }
+
+    #[test]
+    fn the_first_list_is_where_the_header_says() {
+        let mut bytes = exif(true, 2, b"R98\0");
+        let (list, place) = (bytes[8..26].to_vec(), bytes.len() as u32);
+        bytes[4..8].copy_from_slice(&place.to_le_bytes());
+        bytes[8..26].fill(0);
+        assert!(states_adobe_rgb(&[bytes, list].concat()));
+    }
 }

@@ -270,4 +270,41 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn a_block_with_more_than_64_values_is_damaged() {
+        let mut bytes = of_groups(16, 0, &[0; 4]);
+        // The only code of all values but the first then means 16 values of 0.
+        bytes[45] = 0xf0;
+        assert!(is_damaged(&bytes));
+    }
+
+    #[test]
+    fn a_segment_may_have_several_tables() {
+        let merged = |values: &[u8]| {
+            let bytes = of_groups(33, 0, values);
+            [&bytes[..4], &[0, 38], &bytes[6..24], &bytes[28..]].concat()
+        };
+        assert!(!is_damaged(&merged(&[0; 5])) && is_damaged(&merged(&[0; 3])));
+    }
+
+    #[test]
+    fn blocks_of_a_single_component_are_not_grouped() {
+        let tables = &of_groups(16, 0, &[])[..46];
+        let frame = [MARKER, 0xc0, 0, 11, 8, 0, 8, 0, 72, 1, 1, 0x22, 0];
+        let scan = [MARKER, START_OF_SCAN, 0, 8, 1, 1, 0, 0, 63, 0];
+        // Nine blocks, which take 18 bits.
+        assert!(!is_damaged(&[tables, &frame, &scan, &[0; 3], &END].concat()));
+    }
+
+    #[test]
+    fn numbers_of_restarts_go_from_0_to_7_and_what_is_left_before_a_restart_is_damaged() {
+        let values = |group: u8| match group {
+            0 => vec![0, 0],
+            _ => vec![MARKER, FIRST_RESTART + (group - 1) % 8, 0, 0],
+        };
+        let groups: Vec<u8> = (0..10).flat_map(values).collect();
+        assert!(!is_damaged(&of_groups(160, 1, &groups)));
+        assert!(is_damaged(&of_groups(160, 1, &[&[0_u8; 20][..], &groups].concat())));
+    }
 }

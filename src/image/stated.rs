@@ -299,4 +299,27 @@ mod tests {
             assert_eq!(check_channels(bytes), Ok(()));
         }
     }
+
+    #[test]
+    fn the_last_view_counts_and_a_luminance_of_1_is_usual() {
+        let view = "states the projection -vta (in VIEW), but is used as an equirectangular picture";
+        assert_eq!(header_remarks(&hdr("VIEW= -vtl\nVIEW= -vta\n")), [view]);
+        let mut image =
+            Image::from_channels((4, 2), SpecificChannels::rgb(|_: Vec2<usize>| (0.5_f32, 0.5_f32, 0.5_f32)));
+        image.layer_data.attributes.white_luminance = Some(1.0);
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).unwrap();
+        assert_eq!(header_remarks(bytes.get_ref()), [""; 0]);
+    }
+
+    #[test]
+    fn the_rest_of_a_picture_of_several_blocks_begins_after_the_last_one() {
+        let grey = |_: Vec2<usize>| (0.5_f32, 0.5_f32, 0.5_f32);
+        let mut bytes = Cursor::new(Vec::new());
+        let image = Image::from_channels((200, 130), SpecificChannels::rgb(grey));
+        image.write().to_buffered(&mut bytes).unwrap();
+        let whole = bytes.into_inner();
+        assert_eq!(exr_rest(&whole), b"");
+        assert_eq!(exr_rest(&[&whole[..], b"abc"].concat()), b"abc");
+    }
 }

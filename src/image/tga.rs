@@ -79,4 +79,23 @@ pub mod tests {
         assert_eq!([0, 1, 2, 3, 4].map(stated), expected);
         assert_eq!(TgaAlpha::of(b""), straight);
     }
+
+    #[test]
+    fn a_gamma_is_the_quotient_of_its_two_numbers() {
+        let stated = other_gamma(&tga([0; 4], [15, 10], 3));
+        assert_eq!(stated.as_deref(), Some("gamma 1.50"));
+    }
+
+    #[test]
+    fn a_place_of_0_means_that_there_is_no_extension_area() {
+        let bytes = [&[1_u8; 500][..], &[0; 8], TGA_FOOTER].concat();
+        assert_eq!(TgaAlpha::of(&bytes), TgaAlpha::Straight);
+    }
+
+    #[test]
+    fn an_alpha_bit_may_stand_beside_the_order_of_rows() {
+        let mut bytes = tga([0; 4], [0; 2], 0);
+        (bytes[16], bytes[17]) = (16, 0x21);
+        assert!(has_alpha_bit(&bytes));
+    }
 }

@@ -267,6 +267,22 @@ mod tests {
         assert_eq!([&first, &third].map(|path| std::fs::read_to_string(path).unwrap()), ["", ""]);
     }
 
+    #[test]
+    fn of_several_failed_writes_the_first_is_reported() {
+        let folder = tempfile::tempdir().unwrap();
+        let damaged = |name: &str| Damaged {
+            path: folder.path().join(name).join("records.jsonl"),
+            bytes: b"nonsense\n".to_vec(),
+            whole: Vec::new(),
+            damaged: 1,
+            kept: 0,
+        };
+        let error =
+            repair_each(["a", "b"].map(damaged).into_iter(), &mut Vec::new()).unwrap_err().to_string();
+        let copy = folder.path().join("a/records.jsonl.damaged-1");
+        assert!(error.starts_with(&format!("cannot write {}: ", copy.display())), "{error}");
+    }
+
     #[cfg(unix)]
     #[test]
     fn a_link_out_of_the_folder_is_not_repaired() {

@@ -473,3 +473,11 @@ fn times_are_those_of_the_frames_since_the_last_key_that_switched_something() {
     viewer.tried(|_| Err(Error::input("it does not fit")));
     assert_eq!((viewer.rate.total().timed_frames, viewer.rate.frames()), (1, 4));
 }
+
+#[test]
+fn a_rate_of_frames_that_is_0_is_measured_if_rays_are() {
+    let live = live(&[], 1);
+    let line = |rates| title::line(&live, rates, std::iter::empty(), None);
+    assert!(line([0.0, 5e6]).contains(" | 0 frames/s | "), "{}", line([0.0, 5e6]));
+    assert!(line([0.0, 0.0]).contains(" | - rays/s | - frames/s | "), "{}", line([0.0, 0.0]));
+}

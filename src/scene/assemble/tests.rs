@@ -1353,3 +1353,47 @@ fn shapes_of_too_many_triangles_are_refused_before_they_are_made() {
     // target.
     assert!(load(10_500, 10_000).unwrap() > 10_000);
 }
+
+#[test]
+fn a_note_on_lights_without_power_says_whether_there_are_several() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
+    let dark = "[[light]]\nposition = [1, 3, 1]\npower = 0\n";
+    for (lights, what) in [(dark.to_owned(), "the only light has"), (dark.repeat(2), "all lights have")] {
+        std::fs::write(&path, format!("{object}{lights}")).unwrap();
+        let notes = load_scene_with(&path, &[]).unwrap().notes;
+        let expected = format!(": {what} power 0, so surfaces that emit no light are black");
+        assert!(notes.iter().any(|note| note.ends_with(&expected)), "{notes:?}");
+    }
+}
+
+#[test]
+fn a_note_on_a_files_lights_speaks_of_emitted_light_if_there_is_any() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    let top = r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
+"materials": [{"emissiveFactor": [1, 1, 1]}], "#;
+    let at = r#"{"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}}"#;
+    let text = SEEN.replacen('{', top, 1).replace(r#"{"mesh": 0}"#, at);
+    let text = text.replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0}, "material": 0"#);
+    std::fs::write(&path, text).unwrap();
+    let notes = load_scene_with(&path, &[]).unwrap().notes;
+    let expected = "; emitted light does not change with them";
+    assert!(notes.iter().any(|note| note.ends_with(expected)), "{notes:?}");
+}
+
+#[test]
+fn of_several_settings_of_the_lights_the_last_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let settings = ["first", "second"].map(|origin| Setting {
+        path: "light".to_owned(),
+        value: Value::Array(Vec::new()),
+        origin: origin.to_owned(),
+    });
+    let notes = load_scene_for(&path, &settings, Shot::SQUARE).unwrap().notes;
+    let expected = "second: no light, so surfaces that emit no light are black";
+    assert!(notes.iter().any(|note| note == expected), "{notes:?}");
+}

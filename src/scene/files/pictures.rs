@@ -589,4 +589,31 @@ mod tests {
             );
         }
     }
+
+    #[test]
+    fn colours_divided_by_alpha_are_rounded_and_clear_texels_stay() {
+        let divided = |bytes| divided_by_alpha(u32::from_le_bytes(bytes)).to_le_bytes();
+        assert_eq!([divided([1, 0, 0, 2]), divided([0; 4])], [[128, 0, 0, 2], [0; 4]]);
+    }
+
+    #[test]
+    fn a_mask_is_not_translucent_if_only_its_level_edges_are() {
+        let is_translucent = |alphas: [u32; 8]| {
+            let texels = (0..16 * 16).map(|texel| alphas[texel / 16 % 8] << 24).collect();
+            is_translucent(&Texture { size: [16; 2], wrap: [Wrap::Repeat; 2], least_alpha: 0x8000, texels })
+        };
+        assert!(!is_translucent([0, 0, 100, 200, 255, 255, 255, 130]));
+        assert!(is_translucent([0, 0, 100, 150, 200, 255, 255, 255]));
+    }
+
+    #[test]
+    fn damaged_data_of_a_jpeg_are_noted() {
+        let mut bytes = Cursor::new(Vec::new());
+        let pixel = |x: u32, y: u32| image::Rgb([(x * 7) as u8, (y * 5) as u8, (x * y) as u8]);
+        image::RgbImage::from_fn(40, 30, pixel).write_to(&mut bytes, ImageFormat::Jpeg).unwrap();
+        let whole = bytes.into_inner();
+        assert_eq!(decoded(&whole, None).unwrap().2, []);
+        let cut = [&whole[..whole.len() - 100], &[0xff, 0xd9]].concat();
+        assert_eq!(decoded(&cut, None).unwrap().2, [(Part::Data, String::new())]);
+    }
 }

@@ -250,3 +250,11 @@ fn a_scene_of_two_cubes_is_one_mesh_of_two_parts_in_both_forms() {
     assert_eq!(text.mesh, binary.mesh);
     assert_eq!((text.mesh.triangles.len(), text.more_starts, text.lights.len()), (24, vec![12], 1));
 }
+
+#[test]
+fn the_ending_of_a_compressed_file_is_that_before_gz() {
+    let note = |name: &str| unexpected_ending(Some(MeshFormat::Obj), Path::new(name));
+    assert_eq!(["a.gz", "a.obj.gz"].map(note), [None, None]);
+    let expected = "read as an OBJ mesh, because of its contents and despite its name";
+    assert_eq!(note("a.stl.gz").as_deref(), Some(expected));
+}

@@ -673,3 +673,31 @@ proptest! {
         let _ = read(&text);
     }
 }
+
+#[test]
+fn a_textured_triangle_with_a_single_coloured_vertex_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    std::fs::write(folder.path().join("m.mtl"), "newmtl a\nmap_Kd dot.png\n").unwrap();
+    let vertices = CORNERS.replacen('\n', " 0.5 1 1\n", 1);
+    let text = format!("mtllib m.mtl\n{vertices}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+    let notes =
+        parse("test.obj", Reach { folder: folder.path(), ..nowhere() }, text.as_bytes()).unwrap().notes;
+    let expected = "textures of 1 triangle are multiplied by the colours of vertices";
+    assert!(notes.iter().any(|note| note.starts_with(expected)), "{notes:?}");
+}
+
+#[test]
+fn a_colour_that_is_not_valid_is_noted_even_if_no_other_vertex_has_one() {
+    let notes = read(&format!("{}f 1 2 3\n", CORNERS.replacen('\n', " red\n", 1))).unwrap().notes;
+    let expected = "line 1: colours of 1 vertex are not used: expected three finite numbers after x, y and z";
+    assert_eq!(notes, [expected]);
+}
+
+/// The file is so large that it is read in several pieces.
+#[test]
+fn faces_of_a_material_that_is_not_defined_do_not_precede_the_first_usemtl() {
+    let faces = "f 1 2 3\n".repeat(100_000);
+    let notes = notes_of(&format!("usemtl none\n{faces}"), "newmtl a\nKd 1 0 0\n");
+    assert!(notes.len() == 1 && notes[0].contains("(material `none`)"), "{notes:?}");
+}

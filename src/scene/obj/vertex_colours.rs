@@ -152,3 +152,26 @@ impl Unused {
         ));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::faces::starts;
+    use super::*;
+
+    #[test]
+    fn vertices_of_later_pieces_are_counted_from_the_files_first() {
+        let piece = |alphas: Vec<(u32, f32)>, odd: Vec<Odd>| PointChunk {
+            positions: vec![Vec3::ZERO; 2],
+            alphas,
+            odd_colours: odd,
+            ..PointChunk::default()
+        };
+        let odd = vec![Odd { number: 1, offset: 7 }];
+        let pieces = [piece(Vec::new(), Vec::new()), piece(vec![(0, 0.5), (1, 0.25)], odd)];
+        let of = |used: [bool; 4]| Unused::of(&pieces, &starts(&pieces, &[]), &used);
+        let third = of([false, false, true, false]);
+        assert_eq!((third.alphas, third.odd.len()), (vec![0.5], 0));
+        let fourth = of([false, false, false, true]);
+        assert_eq!((fourth.alphas, fourth.odd.len()), (vec![0.25], 1));
+    }
+}

@@ -699,3 +699,10 @@ fn an_error_about_a_missing_property_lists_at_most_eight_others() {
     assert!(message(8).starts_with(list) && !message(8).contains("..."), "{}", message(8));
     assert!(message(9).starts_with(&format!("{list}, ...")), "{}", message(9));
 }
+
+#[test]
+fn channels_of_different_types_keep_their_ranges() {
+    let text = SQUARE.replacen("property uchar red", "property ushort red", 1);
+    let notes = parse("a.ply", text.as_bytes()).unwrap().notes;
+    assert!(!notes.iter().any(|note| note.starts_with("channels of colours")), "{notes:?}");
+}

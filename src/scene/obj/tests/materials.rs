@@ -772,3 +772,9 @@ fn values_after_those_of_a_colour_or_a_shininess_are_noted() {
     let usual = notes_of("usemtl a", "newmtl a\nKd 1.6 15 0.5 # 20\nKs 1 1 1 # white\nNs 10\n");
     assert_eq!(usual, Vec::<String>::new());
 }
+
+#[test]
+fn a_value_after_the_third_of_a_colour_is_no_channel_from_0_to_255() {
+    let notes = notes_of("usemtl a", "newmtl a\nKd 1 1 1 20\n");
+    assert!(notes.len() == 1 && notes[0].contains("values after the third of Kd"), "{notes:?}");
+}

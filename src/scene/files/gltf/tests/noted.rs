@@ -166,6 +166,8 @@ fn a_binary_part_that_no_buffer_uses_is_noted() {
     };
     assert_eq!(notes(b""), [""; 0]);
     assert_eq!(notes(b"abcd"), ["1 BIN chunk that no buffer uses is ignored"]);
+    // The first buffer has 42 bytes, but they are not those of the binary part.
+    assert_eq!(notes(&[0; 60]), ["1 BIN chunk that no buffer uses is ignored"]);
 }
 
 #[test]
@@ -280,4 +282,53 @@ fn extensions_in_places_where_they_have_no_meaning_are_noted() {
     let note = "extensions in places where they have no meaning are ignored: `KHR_materials_unlit` in a primitive, \
                 `KHR_texture_transform` in a primitive";
     assert_noted(&text, &[note]);
+}
+
+#[test]
+fn the_indices_of_a_sparse_accessor_may_begin_within_their_view() {
+    let sparse = r#""sparse": {"count": 2, "indices": {"bufferView": 2, "byteOffset": 2, "componentType": 5123},
+"values": {"bufferView": 0}}, "count": 3, "type": "VEC3""#;
+    let data = [bytes(), vec![0, 0], [0_u16, 0, 2].map(u16::to_le_bytes).concat()].concat();
+    let view = r#"{"buffer": 0, "byteOffset": 36, "byteLength": 6}"#;
+    let text = triangle()
+        .replace(&STANDARD.encode(bytes()), &STANDARD.encode(data))
+        .replace(r#""byteLength": 42"#, r#""byteLength": 50"#)
+        .replace(view, &format!(r#"{view}, {{"buffer": 0, "byteOffset": 44, "byteLength": 6}}"#))
+        .replace(r#""count": 3, "type": "VEC3""#, sparse);
+    assert_noted(&text, &[]);
+}
+
+#[test]
+fn a_mesh_without_primitives_that_several_nodes_place_is_noted_once() {
+    let text = triangle()
+        .replace(r#""meshes": ["#, r#""meshes": [{"primitives": []}, "#)
+        .replace(r#""nodes": [0]"#, r#""nodes": [0, 1, 2]"#)
+        .replace("[0, 0, 5]}", r#"[0, 0, 5]}, {"mesh": 0}, {"mesh": 1}"#);
+    assert_noted(&text, &["1 mesh without primitives is left out"]);
+}
+
+#[test]
+fn a_primitive_of_which_all_corners_are_left_out_is_not_without_corners() {
+    let with = |primitive: &str, accessor: &str| {
+        let accessor = format!(r#""type": "SCALAR"}}, {{{accessor}}}"#);
+        let primitive = format!(r#""indices": 1}}, {{{primitive}}}"#);
+        triangle().replace(r#""indices": 1}"#, &primitive).replace(r#""type": "SCALAR"}"#, &accessor)
+    };
+    let two = r#""bufferView": 1, "componentType": 5123, "count": 2, "type": "SCALAR""#;
+    let text = with(r#""attributes": {"POSITION": 0}, "indices": 2"#, two);
+    assert_noted(&text, &["2 corners after the last whole triangle are left out"]);
+    let two = r#""bufferView": 0, "componentType": 5126, "count": 2, "type": "VEC3""#;
+    let text = with(r#""attributes": {"POSITION": 2}, "indices": 1"#, two);
+    assert_noted(&text, &["1 triangle with a position that does not exist is left out"]);
+}
+
+#[test]
+fn a_skew_between_any_two_axes_of_a_camera_is_noted() {
+    let camera = r#""cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]"#;
+    for axes in ["1,0,0,0, -0.1,1,0,0, 0,0,1,0", "1,0,0,0, 0,1,0,0, 0.1,0,1,0", "1,0,0,0, 0,1,0,0, 0,0.1,1,0"]
+    {
+        let node = format!(r#""camera": 0, "matrix": [{axes}, 0,0,0,1]"#);
+        let notes = with_node(camera, &node).camera_notes;
+        assert!(notes.iter().any(|note| note.contains("has a skew")), "{axes}: {notes:?}");
+    }
 }

@@ -458,3 +458,29 @@ fn fallbacks_and_missing_pictures_are_noted_with_the_extensions_of_their_texture
     let note = "unsupported extensions are ignored: `EXT_odd`, `EXT_texture_webp`".to_owned();
     assert!(read_with(&plain, 0).1.contains(&note), "{:?}", read_with(&plain, 0).1);
 }
+
+#[test]
+fn fallbacks_of_several_textures_and_of_emitted_light_are_counted() {
+    let notes = |materials: &str, textures: &str| {
+        let second = r#""material": 0}, {"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 1}"#;
+        let text = textured(materials).replace(r#""material": 0}"#, second);
+        read(&text.replace(r#"[{"source": 0}]"#, &format!("[{textures}]"))).unwrap().notes
+    };
+    let webp = r#""extensions": {"EXT_texture_webp": {"source": 0}}"#;
+    let with_fallback = format!(r#"{{"source": 0, {webp}}}"#);
+    let pbr = |texture: u32| {
+        let texture = format!(r#""baseColorTexture": {{"index": {texture}}}"#);
+        format!(r#""pbrMetallicRoughness": {{"metallicFactor": 0, {texture}}}"#)
+    };
+    let both = format!("{{{}}}, {{{}}}", pbr(0), pbr(1));
+    let one = "1 texture uses its fallback picture instead of `EXT_texture_webp`".to_owned();
+    let noted = notes(&both, &format!("{with_fallback}, {{{webp}}}"));
+    assert!(noted.contains(&one), "{noted:?}");
+    let two = "2 textures use their fallback pictures instead of `EXT_texture_webp`".to_owned();
+    let noted = notes(&both, &format!("{with_fallback}, {with_fallback}"));
+    assert!(noted.contains(&two), "{noted:?}");
+    let emitted = r#""emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}"#;
+    let emissive = format!("{{{}, {emitted}}}, {{{}}}", pbr(1), pbr(1));
+    let noted = notes(&emissive, &format!(r#"{with_fallback}, {{"source": 0}}"#));
+    assert!(noted.contains(&one), "{noted:?}");
+}
