@@ -1379,7 +1379,7 @@ fn a_note_on_a_files_lights_speaks_of_emitted_light_if_there_is_any() {
     let text = text.replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0}, "material": 0"#);
     std::fs::write(&path, text).unwrap();
     let notes = load_scene_with(&path, &[]).unwrap().notes;
-    let expected = "; emitted light does not change with them";
+    let expected = "; light that surfaces emit keeps its strength";
     assert!(notes.iter().any(|note| note.ends_with(expected)), "{notes:?}");
 }
 

@@ -473,10 +473,10 @@ fn fallbacks_of_several_textures_and_of_emitted_light_are_counted() {
         format!(r#""pbrMetallicRoughness": {{"metallicFactor": 0, {texture}}}"#)
     };
     let both = format!("{{{}}}, {{{}}}", pbr(0), pbr(1));
-    let one = "1 texture uses its fallback picture instead of `EXT_texture_webp`".to_owned();
+    let one = "1 texture uses its fallback picture instead of the one in `EXT_texture_webp`".to_owned();
     let noted = notes(&both, &format!("{with_fallback}, {{{webp}}}"));
     assert!(noted.contains(&one), "{noted:?}");
-    let two = "2 textures use their fallback pictures instead of `EXT_texture_webp`".to_owned();
+    let two = "2 textures use their fallback pictures instead of those in `EXT_texture_webp`".to_owned();
     let noted = notes(&both, &format!("{with_fallback}, {with_fallback}"));
     assert!(noted.contains(&two), "{noted:?}");
     let emitted = r#""emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}"#;
