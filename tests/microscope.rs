@@ -187,7 +187,10 @@ fn instructions(file: &Path, kernel: &str) -> u64 {
         Some((name, body.lines().filter(|line| line.contains(":\t")).map(str::to_owned).collect::<Vec<_>>()))
     };
     let functions: HashMap<String, Vec<String>> = text.split("\n\n").filter_map(function).collect();
-    let mut reached = vec![format!("_pocl_kernel_{kernel}")];
+    // PoCL 7.1 keeps only the function that runs a work-group.
+    let own = format!("_pocl_kernel_{kernel}");
+    let whole = format!("{own}_workgroup");
+    let mut reached = vec![if functions.contains_key(&own) { own } else { whole }];
     let mut at = 0;
     while let Some(name) = reached.get(at) {
         let called = functions[name].iter().filter_map(|line| {
