@@ -69,8 +69,9 @@ pub(super) fn assemble(
     if document.bare && mesh.is_emissive() {
         notes.push("surfaces that emit light do not light other surfaces".to_owned());
     }
-    if document.bare && wire.light.is_none() && !seen.lights.is_empty() {
-        notes.push(files::note_lights(&seen.lights, mesh.is_emissive()));
+    if document.bare && wire.light.is_none() {
+        notes.extend(seen.light_notes.iter().cloned());
+        notes.extend(files::note_lights(&seen.lights, mesh.is_emissive()));
     }
     let framed = document.bare || wire.camera.is_framed();
     let around = (framed || shot.turns).then(|| Ball::around(&mesh, wire.camera.upright()));
@@ -243,7 +244,7 @@ fn join(
         starts.push(first as u32);
         if document.bare {
             starts.extend(file.more_starts.iter().map(|start| start + first as u32));
-            seen.add(file.camera, (file.camera_aspect, file.camera_notes), file.lights);
+            seen.add(file.camera, (file.camera_aspect, file.camera_notes), (file.lights, file.light_notes));
         }
         mesh.append(file.mesh);
     }
@@ -303,6 +304,8 @@ struct Seen {
     /// Notes that are shown only if the camera of the mesh's file is used.
     camera_notes: Vec<String>,
     lights: Vec<FileLight>,
+    /// Notes that are shown only if the lights of the mesh's file are used.
+    light_notes: Vec<String>,
 }
 
 impl Seen {
@@ -311,11 +314,12 @@ impl Seen {
         &mut self,
         camera: Option<Camera>,
         (aspect, notes): (Option<f32>, Vec<String>),
-        lights: Vec<FileLight>,
+        (lights, light_notes): (Vec<FileLight>, Vec<String>),
     ) {
         if self.camera.is_none() {
             (self.camera, self.camera_aspect, self.camera_notes) = (camera, aspect, notes);
         }
         self.lights.extend(lights);
+        self.light_notes.extend(light_notes);
     }
 }

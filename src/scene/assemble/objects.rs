@@ -203,6 +203,7 @@ fn read_file(
     }
     let named = |note: String| format!("{}: {note}", path.display());
     read.camera_notes = read.camera_notes.drain(..).map(named).collect();
+    read.light_notes = read.light_notes.drain(..).map(named).collect();
     notes.extend(read.notes.drain(..).map(named));
     Ok(read)
 }

@@ -172,13 +172,17 @@ fn a_file_of_several_cameras_is_noted_only_if_one_of_them_is_used() {
     assert!(notes(&scene, &[]).contains(&unused));
     assert!(!notes(&scene, &[]).iter().any(|note| note.contains("of 2 cameras")));
     // A file may have lights without having a camera.
-    let light =
-        r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 2}]}}, "#;
+    let light = r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "range": 2}]}}, "#;
     let at = r#""extensions": {"KHR_lights_punctual": {"light": 0}}"#;
-    std::fs::write(&path, SEEN.replacen('{', light, 1).replace(r#""camera": 0"#, at)).unwrap();
-    assert!(notes(&scene, &[]).contains(&unused), "{:?}", notes(&scene, &[]));
-    let ratios = "the file's lights keep only the ratios of their intensities";
-    assert_eq!(notes(&path, &[]), [ratios]);
+    let cameras = r#""cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}],"#;
+    let lit = SEEN.replacen('{', light, 1).replace(cameras, "").replace(r#""camera": 0"#, at);
+    std::fs::write(&path, lit).unwrap();
+    let note = format!("{}: 1 light with a range is shown without it", path.display());
+    let said = notes(&scene, &[]);
+    assert!(said.contains(&unused) && !said.contains(&note), "{said:?}");
+    let brightness =
+        "the intensity of the file's light is not used: raycl sets the brightness at the mesh's centre";
+    assert_eq!(notes(&path, &[]), [&note, brightness]);
     let position = Value::Array([1, 3, 1].map(Value::Integer).to_vec());
     let light = [("position", position), ("power", Value::Integer(10))];
     let light = light.map(|(key, value)| (format!("light.0.{key}"), value));

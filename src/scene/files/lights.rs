@@ -94,10 +94,14 @@ pub(in crate::scene) fn of_file(
     placed.into_iter().map(light).collect()
 }
 
-/// Returns a note on how lights of a mesh's file differ in the picture. `is_emissive` is true if surfaces of the mesh
-/// emit light.
-pub(in crate::scene) fn note(lights: &[FileLight], is_emissive: bool) -> String {
-    let ratios = "the file's lights keep only the ratios of their intensities";
+/// Returns a note on how lights of a mesh's file differ in the picture; `None` if there are no lights. `is_emissive` is
+/// true if surfaces of the mesh emit light.
+pub(in crate::scene) fn note(lights: &[FileLight], is_emissive: bool) -> Option<String> {
+    let intensities = match lights.len() {
+        0 => return None,
+        1 => "the intensity of the file's light is not used: raycl sets the brightness at the mesh's centre",
+        _ => "the file's lights keep only the ratios of their intensities",
+    };
     let distant = lights.iter().filter(|light| matches!(light.source, Source::Direction(_))).count();
     let distant = match distant {
         0 => String::new(),
@@ -105,7 +109,7 @@ pub(in crate::scene) fn note(lights: &[FileLight], is_emissive: bool) -> String 
         _ => format!("; {distant} directional lights are shown as distant point lights"),
     };
     let emitted = if is_emissive { "; light that surfaces emit keeps its strength" } else { "" };
-    format!("{ratios}{distant}{emitted}")
+    Some(format!("{intensities}{distant}{emitted}"))
 }
 
 #[cfg(test)]
@@ -165,8 +169,14 @@ mod tests {
     fn a_note_says_what_is_not_shown_of_a_files_lights() {
         let [point, sun] =
             [FileLight::point(DVec3::X, DVec3::ONE), FileLight::direction(DVec3::X, DVec3::ONE)];
+        let note = |lights: &[_], is_emissive| note(lights, is_emissive).unwrap_or_default();
+        assert_eq!(note(&[], true), "");
+        // A single light has no ratio to others.
+        let one =
+            "the intensity of the file's light is not used: raycl sets the brightness at the mesh's centre";
+        assert_eq!(note(&[point], false), one);
         let ratios = "the file's lights keep only the ratios of their intensities";
-        assert_eq!(note(&[point], false), ratios);
+        assert_eq!(note(&[point, point], false), ratios);
         let expected = format!(
             "{ratios}; 1 directional light is shown as a distant point light; light that surfaces emit keeps its strength"
         );

@@ -59,6 +59,8 @@ pub(in crate::scene) struct MeshFile {
     pub camera_notes: Vec<String>,
     /// The file's lights, moved and scaled like the mesh.
     pub lights: Vec<FileLight>,
+    /// Notes for the user that are shown only if the file's lights are used.
+    pub light_notes: Vec<String>,
     /// For a glTF file: the number of the mesh's materials that ask for light on both sides of their surfaces.
     pub double_sided: usize,
     /// True if the mesh may have creases: if some of its normals were generated, and it was not made flat afterwards.

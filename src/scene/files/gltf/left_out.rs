@@ -26,13 +26,9 @@ pub(super) struct LeftOut {
     pub orthographic: usize,
     /// The number of cameras without a known type, or without the values of their type.
     pub odd_cameras: usize,
-    /// The number of cameras whose field of view is not between 0.001 and 179.99 degrees.
-    pub odd_views: usize,
     /// The number of cameras whose transform leaves no viewing direction.
     pub flat_cameras: usize,
-    /// The number of cameras whose znear is below 0 or not finite.
-    pub odd_nears: usize,
-    /// The number of nodes with a camera that are not in the shown scene.
+    /// The number of nodes with a camera that are not in the shown scene, and of cameras that no node names.
     pub other_cameras: usize,
     pub spots: usize,
     /// The number of lights without a known type.
@@ -42,7 +38,7 @@ pub(super) struct LeftOut {
     pub dark: usize,
     /// The number of directional lights whose transform leaves no direction.
     pub flat_lights: usize,
-    /// The number of nodes with a light that are not in the shown scene.
+    /// The number of nodes with a light that are not in the shown scene, and of lights that no node names.
     pub other_lights: usize,
     /// The number of nodes with a mesh that are not in the shown scene, which has other meshes.
     pub other_meshes: usize,
@@ -125,27 +121,30 @@ impl LeftOut {
     }
 
     pub fn notes(&self) -> impl Iterator<Item = String> {
-        notes_on(self.seen().into_iter().chain(self.skinned()).chain(self.primitives()))
+        notes_on(self.unseen().into_iter().chain(self.skinned()).chain(self.primitives()))
     }
 
-    /// Returns the counts of cameras, of lights, and of meshes that no node of the scene places.
-    fn seen(&self) -> [Counted; 15] {
+    /// Returns the counts of cameras and lights that are not used, and of meshes that no node of the scene places.
+    fn unseen(&self) -> [Counted; 8] {
         [
             (self.unplaced, "mesh that no node of the scene places", "shown without a transform"),
             (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
             (self.odd_cameras, "camera of an unknown type or without the values of its type", "not used"),
             (
-                self.odd_views,
-                "camera with a yfov that is not between 0.001 and 179.99 degrees",
-                "used with a field of view of 45 degrees",
-            ),
-            (
                 self.flat_cameras,
                 "camera without a viewing direction",
                 "left out: the scales of nodes must not be 0",
             ),
-            (self.odd_nears, "camera with a znear that is not a number, 0 or more", "used with a znear of 0"),
             (self.other_cameras, "camera without a place in the shown scene", "not used"),
+            (self.other_lights, "light without a place in the shown scene", "not used"),
+            (self.other_meshes, "node with a mesh, outside the shown scene,", "left out"),
+            (self.nodeless, "mesh that no node names", "left out"),
+        ]
+    }
+
+    /// Returns notes that are true only if the file's lights are used.
+    pub fn light_notes(&self) -> impl Iterator<Item = String> {
+        notes_on([
             (
                 self.odd_lights,
                 "light of an unknown type",
@@ -159,10 +158,7 @@ impl LeftOut {
                 "directional light without a direction",
                 "shown as shining along -y: the scales of nodes must not be 0",
             ),
-            (self.other_lights, "light without a place in the shown scene", "not used"),
-            (self.other_meshes, "node with a mesh, outside the shown scene,", "left out"),
-            (self.nodeless, "mesh that no node names", "left out"),
-        ]
+        ])
     }
 
     /// Returns the counts of skins and of the vertices that they place.

@@ -22,7 +22,7 @@ use glam::{DMat3, DMat4, DVec3, Vec3};
 use gltf::json::mesh::Mesh as GltfMesh;
 use gltf::json::scene::Node;
 use gltf::json::{Index, Root, skin};
-use seen::{FileCamera, light_of};
+use seen::{FileCamera, light_of, lights_of};
 use std::collections::{HashMap, HashSet};
 
 /// The data that were read from the scene's nodes so far. Positions are in the scene's coordinates, in double
@@ -100,12 +100,15 @@ impl<'a> Walk<'a> {
             numbers.root.nodes.iter().filter(|node| has(node)).count()
                 - shown.filter(|node| has(node)).count()
         };
-        walk.left_out.other_cameras = outside(|node| node.camera.is_some());
-        walk.left_out.other_lights = outside(|node| light_of(node).is_some());
+        let root = numbers.root;
+        walk.left_out.other_cameras = outside(|node| node.camera.is_some())
+            + unnamed(root, root.cameras.len(), |node| Some(node.camera?.value()));
+        walk.left_out.other_lights = outside(|node| light_of(node).is_some())
+            + unnamed(root, lights_of(root).len(), |node| Some(light_of(node)?.value()));
         // Without a mesh in the shown scene, all meshes are shown.
         if has_meshes {
             walk.left_out.other_meshes = outside(|node| node.mesh.is_some());
-            walk.left_out.nodeless = nodeless(numbers.root);
+            walk.left_out.nodeless = unnamed(root, root.meshes.len(), |node| Some(node.mesh?.value()));
         }
         walk.left_out.check(walk.triangles.len())?;
         Ok(walk)
@@ -266,6 +269,7 @@ impl<'a> Walk<'a> {
         notes.extend((!self.unmapped.is_empty()).then(|| unmapped(self.unmapped.len(), dark)));
         notes.extend(self.left_out.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
+        let light_notes = self.left_out.light_notes().collect();
         let camera = self.cameras.first().map(|camera| camera.placed_by(&placement));
         let camera_aspect = self.cameras.first().and_then(|camera| camera.lens.aspect_ratio);
         let lights = self.lights.into_iter().map(|light| light.placed_by(&placement)).collect();
@@ -278,16 +282,18 @@ impl<'a> Walk<'a> {
             camera_aspect,
             camera_notes,
             lights,
+            light_notes,
             notes,
             ..MeshFile::default()
         })
     }
 }
 
-/// Returns the number of the file's meshes that no node names.
-fn nodeless(root: &Root) -> usize {
-    let named: HashSet<usize> = root.nodes.iter().filter_map(|node| Some(node.mesh?.value())).collect();
-    (0..root.meshes.len()).filter(|mesh| !named.contains(mesh)).count()
+/// Returns how many of `count` things (meshes, cameras or lights) no node names. `named_by` returns the index of a
+/// node's thing.
+fn unnamed(root: &Root, count: usize, named_by: impl Fn(&Node) -> Option<usize>) -> usize {
+    let named: HashSet<usize> = root.nodes.iter().filter_map(named_by).collect();
+    (0..count).filter(|index| !named.contains(index)).count()
 }
 
 /// Returns the mesh of each node in `placed` that has a mesh. If no node has a mesh, returns all meshes of

@@ -6,11 +6,11 @@ use crate::scene::files::{FileLight, Placement};
 use crate::scene::mesh::{Triangle, are_apart};
 use crate::scene::{Camera, validate};
 use glam::{DMat4, DVec3, Vec3};
-use gltf::json::Index;
 use gltf::json::camera::{Perspective, Type};
 use gltf::json::extensions::scene::khr_lights_punctual as punctual;
 use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
+use gltf::json::{Index, Root};
 
 /// A perspective camera of the file.
 pub(super) struct FileCamera<'a> {
@@ -21,11 +21,29 @@ pub(super) struct FileCamera<'a> {
     pub lens: &'a Perspective,
     /// True if the axes of the camera's node are not perpendicular in the scene.
     is_skewed: bool,
+    /// True if the file's field of view is not between 0.001 and 179.99 degrees.
+    is_odd_view: bool,
+    /// True if the file's znear is below 0 or not finite.
+    is_odd_near: bool,
 }
 
 impl FileCamera<'_> {
     pub fn placed_by(&self, placement: &Placement) -> Camera {
         placement.camera(self.position, &self.camera)
+    }
+
+    /// Returns notes on values of the file that the camera does not have.
+    fn notes(&self) -> impl Iterator<Item = String> {
+        let Perspective { yfov, znear, .. } = self.lens;
+        let view = || {
+            format!(
+                "the camera's yfov of {yfov} radians is not between 0.001 and 179.99 degrees: it counts as 45 degrees"
+            )
+        };
+        let near = || format!("the camera's znear of {znear} is not a number, 0 or more: it counts as 0");
+        let skewed = || "the camera's transform has a skew, which the picture does not show".to_owned();
+        let notes = [self.is_odd_view.then(view), self.is_odd_near.then(near), self.is_skewed.then(skewed)];
+        notes.into_iter().flatten()
     }
 }
 
@@ -33,8 +51,8 @@ impl Walk<'_> {
     /// Adds the camera of a node. The camera looks along the node's -z axis. The lengths of the node's axes have no
     /// effect (glTF 2.0, 3.10.2), so a scale does not change the camera's znear, either. A camera that is not a
     /// perspective camera, or whose directions the node's transform makes zero or parallel, is counted but not added. A
-    /// camera with an impossible field of view is counted, and gets a field of view of 45 degrees. A camera with an
-    /// impossible znear is counted, and gets a znear of 0.
+    /// camera with an impossible field of view gets one of 45 degrees. A camera with an impossible znear gets a znear
+    /// of 0.
     pub(super) fn add_camera(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =
@@ -50,30 +68,24 @@ impl Walk<'_> {
         let [ahead, up] =
             [DVec3::NEG_Z, DVec3::Y].map(|axis| transform.transform_vector3(axis).normalize_or_zero());
         let degrees = lens.yfov.to_degrees();
-        let valid = degrees > 1e-3 && degrees < 179.99;
-        self.left_out.odd_views += usize::from(!valid);
-        let degrees = if valid { degrees } else { 45.0 };
+        let is_odd_view = !(degrees > 1e-3 && degrees < 179.99);
+        let degrees = if is_odd_view { 45.0 } else { degrees };
         let looking = Camera::looking_at(Vec3::ZERO, ahead.as_vec3(), up.as_vec3(), degrees, true);
         self.left_out.flat_cameras += usize::from(looking.is_none());
         let is_odd_near = !lens.znear.is_finite() || lens.znear < 0.0;
-        self.left_out.odd_nears += usize::from(is_odd_near && looking.is_some());
         let z_near = if is_odd_near { 0.0 } else { lens.znear };
         let is_skewed = is_skewed(&transform);
-        let camera = |looking| FileCamera { position, camera: Camera { z_near, ..looking }, lens, is_skewed };
-        self.cameras.extend(looking.map(camera));
+        self.cameras.extend(looking.map(|looking| {
+            let camera = Camera { z_near, ..looking };
+            FileCamera { position, camera, lens, is_skewed, is_odd_view, is_odd_near }
+        }));
         Ok(())
     }
 
     /// Adds the light of a node. A directional light shines along the node's -z axis.
     pub(super) fn add_light(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         let Some(index) = light_of(node) else { return Ok(()) };
-        let lights = self
-            .numbers
-            .root
-            .extensions
-            .as_ref()
-            .and_then(|extensions| extensions.khr_lights_punctual.as_ref());
-        let light = lights.and_then(|lights| lights.lights.get(index.value()));
+        let light = lights_of(self.numbers.root).get(index.value());
         let light = light.ok_or_else(|| format!("light {} does not exist", index.value()))?;
         let strength = Vec3::from_array(light.color).as_dvec3() * f64::from(light.intensity);
         if !strength.is_finite() || strength.min_element() < 0.0 {
@@ -119,9 +131,9 @@ impl Walk<'_> {
         let mut notes = Vec::new();
         let cameras = self.cameras.len();
         notes.extend((cameras > 1).then(|| format!("of {cameras} cameras, the first is used")));
-        if let Some(FileCamera { position: eye, camera, lens, is_skewed }) = self.cameras.first() {
-            let skewed = "the camera's transform has a skew, which the picture does not show";
-            notes.extend(is_skewed.then(|| skewed.to_owned()));
+        if let Some(first) = self.cameras.first() {
+            let FileCamera { position: eye, camera, lens, .. } = first;
+            notes.extend(first.notes());
             let depth = |position: &DVec3| (*position - *eye).dot(camera.forward.as_dvec3());
             let corners =
                 |triangle: &Triangle| triangle.positions.map(|index| self.positions[index as usize]);
@@ -141,6 +153,12 @@ impl Walk<'_> {
 fn is_skewed(transform: &DMat4) -> bool {
     let [x, y, z] = DVec3::AXES.map(|axis| transform.transform_vector3(axis).normalize_or_zero());
     [x.dot(y), y.dot(z), z.dot(x)].iter().any(|cosine| cosine.abs() > 1e-3)
+}
+
+/// Returns the lights of the file.
+pub(super) fn lights_of(root: &Root) -> &[punctual::Light] {
+    let lights = root.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
+    lights.map_or(&[], |lights| &lights.lights)
 }
 
 /// Returns the index of a node's light; `None` if the node has none.

@@ -59,12 +59,42 @@ const NAMED: &str = r#""extensions": {"KHR_lights_punctual": {"light": 0}}"#;
 fn a_light_without_a_direction_and_one_outside_the_scene_are_noted() {
     let file = with_node(LIGHT, &format!(r#"{NAMED}, "scale": [1, 1, 0]"#));
     let note = "1 directional light without a direction is shown as shining along -y: the scales of nodes must not be 0";
-    assert_eq!(file.notes, [note]);
+    assert_eq!(file.light_notes, [note]);
     assert_eq!(file.lights, [FileLight::direction(DVec3::NEG_Y, DVec3::ONE)]);
     let outside = triangle()
         .replacen('{', &format!("{{{LIGHT}, "), 1)
         .replace("[0, 0, 5]}", &format!("[0, 0, 5]}}, {{{NAMED}}}"));
     assert_noted(&outside, &["1 light without a place in the shown scene is not used"]);
+}
+
+/// Of two lights and two cameras, a node names one each.
+#[test]
+fn cameras_and_lights_that_no_node_names_are_noted() {
+    let light = LIGHT.replace("[{", r#"[{"type": "point"}, {"#);
+    let camera = r#"{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}"#;
+    let top = format!(r#""cameras": [{camera}, {camera}], {light}"#);
+    let file = with_node(&top, &format!(r#""camera": 1, {NAMED}"#));
+    let notes =
+        ["camera", "light"].map(|what| format!("1 {what} without a place in the shown scene is not used"));
+    assert_eq!((file.notes, file.lights.len()), (notes.to_vec(), 1));
+}
+
+/// The second camera, which is not used, has a wrong field of view and a wrong znear.
+#[test]
+fn values_of_the_first_camera_only_are_noted() {
+    let camera = |lens: &str| format!(r#"{{"type": "perspective", "perspective": {lens}}}"#);
+    let [first, second] = [r#"{"yfov": 1, "znear": 0.1}"#, r#"{"yfov": 9, "znear": -1}"#].map(camera);
+    let top = format!(r#""cameras": [{first}, {second}]"#);
+    let node = r#""camera": 0, "translation": [0, 0, 9]}, {"camera": 1"#;
+    let text = triangle()
+        .replacen('{', &format!("{{{top}, "), 1)
+        .replace(r#""nodes": [0]"#, r#""nodes": [0, 1, 2]"#)
+        .replace("[0, 0, 5]}", &format!("[0, 0, 5]}}, {{{node}}}"));
+    let file = read(&text).unwrap();
+    assert_eq!(
+        (file.camera_notes, file.notes),
+        (vec!["of 2 cameras, the first is used".to_owned()], Vec::new())
+    );
 }
 
 #[test]
@@ -73,13 +103,13 @@ fn the_ratio_of_a_camera_is_kept_and_a_znear_that_is_not_valid_is_noted() {
         let lens = format!(r#"{{"yfov": 1, {lens}}}"#);
         let camera = format!(r#""cameras": [{{"type": "perspective", "perspective": {lens}}}]"#);
         let file = with_node(&camera, r#""camera": 0, "translation": [0, 0, 9]"#);
-        (file.camera.unwrap().z_near, file.notes, file.camera_aspect)
+        assert_eq!(file.notes, [""; 0]);
+        (file.camera.unwrap().z_near, file.camera_notes, file.camera_aspect)
     };
     assert_eq!(with(r#""znear": 0.1, "aspectRatio": 1.5"#), (0.1, Vec::new(), Some(1.5)));
-    let note = "1 camera with a znear that is not a number, 0 or more is used with a znear of 0";
-    for near in ["-5", "1e39"] {
-        let expected = (0.0, vec![note.to_owned()], None);
-        assert_eq!(with(&format!(r#""znear": {near}"#)), expected, "{near}");
+    for (near, shown) in [("-5", "-5"), ("1e39", "inf")] {
+        let note = format!("the camera's znear of {shown} is not a number, 0 or more: it counts as 0");
+        assert_eq!(with(&format!(r#""znear": {near}"#)), (0.0, vec![note], None), "{near}");
     }
     assert_eq!(with(r#""znear": 0"#), (0.0, Vec::new(), None));
 }
