@@ -28,13 +28,18 @@ pub(super) fn load<'a>(
     reach: Reach<'_>,
     binary: Option<Cow<'a, [u8]>>,
 ) -> Result<Vec<Bytes<'a>>, Flaw> {
-    let mut binary = binary;
+    let (has_binary, mut binary) = (binary.is_some(), binary);
     let mut files = HashMap::new();
     root.buffers
         .iter()
         .enumerate()
         .map(|(number, buffer)| {
-            let bytes = read(buffer, reach, binary.take(), &mut files)
+            let lacking = if has_binary {
+                "it has no URI, and only the first buffer may be the file's binary part"
+            } else {
+                "it has no URI, and the file has no binary part"
+            };
+            let bytes = read(buffer, reach, binary.take().ok_or(lacking), &mut files)
                 .map_err(|flaw| flaw.within(&format!("buffer {number}")))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
@@ -71,7 +76,7 @@ pub(super) fn notes(
         (
             usize::from(root.buffers.first().is_some_and(is_longer)),
             "BIN chunk with more bytes than its buffer's byteLength states",
-            "read without the further bytes",
+            "used as far as buffer views reach",
         ),
         (
             root.buffers.iter().zip(buffers).filter(is_short).count(),
@@ -91,11 +96,11 @@ pub(super) fn notes(
 fn read<'a>(
     buffer: &Buffer,
     reach: Reach<'_>,
-    binary: Option<Cow<'a, [u8]>>,
+    binary: Result<Cow<'a, [u8]>, &str>,
     files: &mut HashMap<PathBuf, Bytes<'a>>,
 ) -> Result<Bytes<'a>, Flaw> {
     let Some(uri) = &buffer.uri else {
-        return binary.map(Rc::new).ok_or_else(|| "it has no URI, and the file has no binary part".into());
+        return binary.map(Rc::new).map_err(Flaw::from);
     };
     if uri.starts_with("data:") {
         let bytes = decoded(uri).map(|bytes| Rc::new(Cow::Owned(bytes)));
@@ -189,19 +194,23 @@ mod tests {
 
     #[test]
     fn only_the_first_buffer_is_the_binary_part_of_a_file() {
-        let loaded = |buffers: &str| -> Result<Vec<Vec<u8>>, String> {
+        let loaded = |buffers: &str, binary: Option<&'static [u8]>| -> Result<Vec<Vec<u8>>, String> {
             let text = format!(r#"{{"asset": {{"version": "2.0"}}, "buffers": [{buffers}]}}"#);
             let root: Root = serde_json::from_str(&text).unwrap();
             let permitted = Permitted { beyond: false, quotes: true, scaled: false };
             let reach = Reach { folder: Path::new(""), permitted };
-            let buffers = load(&root, reach, Some(Cow::Borrowed(&b"123"[..]))).map_err(message)?;
+            let buffers = load(&root, reach, binary.map(Cow::Borrowed)).map_err(message)?;
             Ok(buffers.iter().map(|bytes| bytes.to_vec()).collect())
         };
         let own = r#"{"byteLength": 3}"#;
-        assert_eq!(loaded(own), Ok(vec![b"123".to_vec()]));
-        let expected = "a: buffer 1: it has no URI, and the file has no binary part".to_owned();
+        assert_eq!(loaded(own, Some(b"123")), Ok(vec![b"123".to_vec()]));
+        let expected = "a: buffer 0: it has no URI, and the file has no binary part".to_owned();
+        assert_eq!(loaded(own, None), Err(expected));
+        let expected =
+            "a: buffer 1: it has no URI, and only the first buffer may be the file's binary part".to_owned();
         for first in [own, r#"{"uri": "data:;base64,AQID", "byteLength": 3}"#] {
-            assert_eq!(loaded(&format!("{first}, {own}")), Err(expected.clone()), "{first}");
+            let found = loaded(&format!("{first}, {own}"), Some(b"123"));
+            assert_eq!(found, Err(expected.clone()), "{first}");
         }
     }
 

@@ -2,10 +2,12 @@
 
 use super::accessors::is_empty;
 use super::fallbacks::Fallbacks;
+use super::materials::extension_wish;
 use super::survey::Survey;
 use super::{Flaw, Named, Result, quoted};
 use crate::words::first;
 use gltf::json::Root;
+use gltf::json::buffer::Buffer;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 use std::collections::BTreeSet;
@@ -18,12 +20,6 @@ const SUPPORTED: [&str; 5] = [
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];
-/// Beginning of the names of extensions that concern only the surfaces of materials. Another module supports these
-/// extensions or writes notes on what the picture lacks.
-const OF_MATERIALS: &str = "KHR_materials_";
-/// An extension that gives a surface several materials to choose from. Although its name begins with `KHR_materials_`,
-/// no other module writes a note on it.
-const VARIANTS: &str = "KHR_materials_variants";
 /// raycl assumes that an extension whose name contains one of these words compresses vertices in a form that
 /// raycl cannot read.
 const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];
@@ -36,7 +32,7 @@ const DRACO: &str = "KHR_draco_mesh_compression";
 /// Returns true if raycl supports an extension, or if another module writes a note on each part of the file that has
 /// it.
 fn is_known(extension: &str, fallbacks: &Fallbacks<'_>) -> bool {
-    let is_of_material = extension.starts_with(OF_MATERIALS) && extension != VARIANTS;
+    let is_of_material = extension_wish(extension).is_some();
     SUPPORTED.contains(&extension) || is_of_material || fallbacks.are_noted(extension)
 }
 
@@ -48,6 +44,9 @@ fn is_compression(extension: &str) -> bool {
 /// compressed form only. The error names the unsupported extensions if messages may quote the glTF file.
 pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
     let mut lacking = list(root.extensions_required.iter().filter(|extension| is_compression(extension)));
+    if lacking.is_empty() {
+        lacking.extend(root.buffers.iter().find_map(compression_of).map(|name| quoted(name.as_bytes())));
+    }
     let mut primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     if lacking.is_empty() && primitives.any(|primitive| is_compressed(root, primitive)) {
         lacking.push(quoted(DRACO.as_bytes()));
@@ -62,6 +61,13 @@ pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
     Err(named
         .error(Flaw::quoting(quoting, text("an extension that compresses its vertices")))
         .with_help("export the file without compression, for example with `gltf-transform copy` or Blender"))
+}
+
+/// Returns the name of the extension that decompresses vertices into this buffer; `None` if the buffer has a URI, or has
+/// no such extension. Such a buffer stores nothing itself.
+fn compression_of(buffer: &Buffer) -> Option<&String> {
+    let extensions = buffer.extensions.as_ref().filter(|_| buffer.uri.is_none())?;
+    extensions.others.keys().find(|name| is_compression(name))
 }
 
 /// Returns true if a primitive (a part of a mesh) has its vertices in compressed form only.

@@ -38,12 +38,16 @@ pub(super) struct Fallbacks<'a> {
 }
 
 impl<'a> Fallbacks<'a> {
-    /// Finds the extensions of the textures of the materials with the indices `used`.
-    pub fn of(root: &'a Root, used: &HashSet<usize>) -> Self {
+    /// Finds the extensions of the textures of the materials with the indices `used`. `unread` has the indices of the
+    /// textures that cannot be read. A texture whose fallback cannot be read does not count.
+    pub fn of(root: &'a Root, used: &HashSet<usize>, unread: &HashSet<usize>) -> Self {
         let mut found = Self { extensions: BTreeMap::new(), count: 0 };
-        for texture in textures::used_by(root, used).into_iter().filter_map(|index| root.textures.get(index))
-        {
+        for index in textures::used_by(root, used) {
+            let Some(texture) = root.textures.get(index) else { continue };
             let has_fallback = root.get(texture.source).is_some();
+            if has_fallback && unread.contains(&index) {
+                continue;
+            }
             found.count += usize::from(has_fallback && of_texture(texture).next().is_some());
             for name in of_texture(texture) {
                 *found.extensions.entry(name).or_default() |= has_fallback;

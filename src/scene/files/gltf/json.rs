@@ -140,12 +140,13 @@ fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
     }
 }
 
-/// Returns a message of `serde_json` with plain words instead of the names of Rust's number types.
+/// Returns a message of `serde_json` with plain words instead of the names of Rust's types.
 fn plain(message: &str) -> String {
     let Some((found, expected)) = message.rsplit_once(", expected ") else { return message.to_owned() };
     let expected = match expected {
         "index into child of root" | "u32" | "u64" => "a whole number, 0 or more",
         "f32" => "a number",
+        _ if expected.starts_with("struct ") => "an object",
         other => other,
     };
     format!("{found}, expected {expected}")
@@ -166,6 +167,7 @@ mod tests {
                 "invalid type: floating point `1.5`, expected a whole number, 0 or more",
             ),
             (r#""materials": [{"alphaCutoff": true}]"#, "invalid type: boolean `true`, expected a number"),
+            (r#""buffers": [7]"#, "invalid type: integer `7`, expected an object"),
         ] {
             let json = format!("{{\"asset\": {{\"version\": \"2.0\"}}, {keys}}}");
             let error = read(Named { name: "a.gltf", quotes: true }, json.as_bytes()).err().unwrap();

@@ -15,9 +15,12 @@ pub(super) struct Kind {
 }
 
 impl Kind {
-    /// Returns true if objects of this kind may have this key.
+    /// Returns true if objects of this kind may have this key. Some exporters also name objects that have no name in
+    /// glTF; a name never changes the picture.
     pub fn has(&self, key: &str) -> bool {
-        ["extensions", "extras"].contains(&key) || self.keys.contains(&key) || self.part(key).is_some()
+        ["extensions", "extras", "name"].contains(&key)
+            || self.keys.contains(&key)
+            || self.part(key).is_some()
     }
 
     /// Returns the kind of the object, or of the objects in the list, under a key; `None` if glTF defines no such key.

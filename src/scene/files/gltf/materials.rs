@@ -219,14 +219,19 @@ fn alpha_wish(wire: &Wire) -> Option<(Wish, &'static str)> {
 
 /// Returns the unsupported feature for which an extension of a material asks; `None` if there is no note on the
 /// extension, or if the note on unknown extensions names it.
-fn extension_wish(name: &str) -> Option<Wish> {
-    match name {
-        "KHR_materials_transmission" | "KHR_materials_volume" | "KHR_materials_diffuse_transmission" => {
+pub(super) fn extension_wish(name: &str) -> Option<Wish> {
+    match name.strip_prefix("KHR_materials_")? {
+        "transmission" | "volume" | "volume_scatter" | "diffuse_transmission" | "dispersion" => {
             Some(Wish::Refraction)
         }
-        "KHR_materials_unlit" => Some(Wish::Unlit),
-        "KHR_materials_emissive_strength" => None,
-        _ if name.starts_with("KHR_materials_") => Some(Wish::Shine),
+        "unlit" => Some(Wish::Unlit),
+        "anisotropy"
+        | "clearcoat"
+        | "ior"
+        | "iridescence"
+        | "pbrSpecularGlossiness"
+        | "sheen"
+        | "specular" => Some(Wish::Shine),
         _ => None,
     }
 }

@@ -56,9 +56,9 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
     let files = Files { root: &root, buffers: &buffers, reach };
     files.keep_pictures();
-    let fallbacks = Fallbacks::of(&root, &used);
+    let (maps, unread) = files.colour_maps(&used, &mut materials.list[1..], &mut pictures, &mut notes);
+    let fallbacks = Fallbacks::of(&root, &used, &unread);
     notes.extend(fallbacks.note(quotes));
-    let maps = files.colour_maps(&used, &mut materials.list[1..], &mut pictures, &mut notes);
     // glTF orders readers to ignore colour profiles and animations of pictures (2.0, 3.8.2).
     notes.extend(pictures.notes(quotes, &[Part::ColourSpace, Part::Animation]));
     let numbers = Numbers::of_file(&root, &buffers);

@@ -38,20 +38,20 @@ pub(super) struct Survey {
     /// The names of attributes that glTF does not define, with the number of primitives that have them. Names that
     /// begin with `_` are left out, because applications may choose such names.
     attributes: BTreeMap<String, usize>,
-    /// The first key that occurs twice in the same object.
-    repeated: Option<String>,
+    /// The first key that raycl refuses, and why.
+    refused: Option<(String, &'static str)>,
 }
 
 impl Survey {
     /// Looks through `json`. Returns an error if a key occurs twice in an object: then raycl would have to ignore one
-    /// of its values. JSON that is not valid is no error here, because [`super::json::read`] reports it.
+    /// of its values. Names of attributes that `gltf-json` takes for the same attribute are refused, too. JSON that is not valid is no error here, because [`super::json::read`] reports it.
     pub fn of(named: Named<'_>, json: &[u8]) -> Result<Self> {
         let mut survey = Self::default();
         let walk = Walk { survey: &mut survey, keys: Keys::Of(&kinds::FILE) };
         let walked = walk.deserialize(&mut serde_json::Deserializer::from_slice(json));
-        match (walked, &survey.repeated) {
-            (Err(error), Some(key)) => {
-                let text = |key: &str| format!("{key} occurs twice in the same object");
+        match (walked, &survey.refused) {
+            (Err(error), Some((key, why))) => {
+                let text = |key: &str| format!("{key} {why}");
                 let quoting = text(&format!("the key {}", quoted(key.as_bytes())));
                 Err(named.error(Flaw::quoting(quoting, text("a key")).at(error.line())))
             }
@@ -187,9 +187,16 @@ impl<'de> Visitor<'de> for Walk<'_> {
     fn visit_map<A: MapAccess<'de>>(mut self, mut object: A) -> std::result::Result<(), A::Error> {
         let mut known = BTreeSet::new();
         while let Some(key) = object.next_key::<Key<'de>>()? {
-            if !known.insert(key.clone()) {
-                self.survey.repeated = Some(key.0.into_owned());
-                return Err(A::Error::custom("a key occurs twice"));
+            let refused = if !known.insert(key.clone()) {
+                Some("occurs twice in the same object")
+            } else if matches!(self.keys, Keys::Attributes) && is_odd_number(&key.0) {
+                Some("has a zero or a sign before its number; expected, for example, COLOR_0")
+            } else {
+                None
+            };
+            if let Some(why) = refused {
+                self.survey.refused = Some((key.0.into_owned(), why));
+                return Err(A::Error::custom(why));
             }
             self.add(&key.0);
             let keys = self.keys.below(&key.0);
@@ -202,7 +209,15 @@ impl<'de> Visitor<'de> for Walk<'_> {
     }
 }
 
-/// Returns true if glTF defines an attribute with this name.
+/// Returns true if `gltf-json` takes this name for that of another attribute: `COLOR_00` and `COLOR_+0` for `COLOR_0`.
+fn is_odd_number(name: &str) -> bool {
+    let number = name.rsplit_once('_').map_or("", |(_, number)| number);
+    let is_odd = number.starts_with('+') || number.len() > 1 && number.starts_with('0');
+    is_odd && is_attribute(name)
+}
+
+/// Returns true if glTF defines an attribute with this name, or with this name without zeros and signs before its
+/// number.
 fn is_attribute(name: &str) -> bool {
     let name: StrDeserializer<'_, NoError> = name.into_deserializer();
     matches!(Checked::<Semantic>::deserialize(name), Ok(Checked::Valid(_)))
@@ -232,6 +247,17 @@ mod tests {
             let error = survey(json).err().unwrap().to_string();
             let line = 1 + json.matches('\n').count();
             assert_eq!(error, format!("a.gltf:{line}: the key `{key}` occurs twice in the same object"));
+        }
+        let with = |name: &str| {
+            format!(r#"{{"meshes": [{{"primitives": [{{"attributes": {{"COLOR_0": 1, "{name}": 0}}}}]}}]}}"#)
+        };
+        for name in ["COLOR_00", "COLOR_+0", "TEXCOORD_01"] {
+            let error = survey(&with(name)).err().unwrap().to_string();
+            let why = "has a zero or a sign before its number; expected, for example, COLOR_0";
+            assert_eq!(error, format!("a.gltf:1: the key `{name}` {why}"));
+        }
+        for name in ["TEXCOORD_0", "TEXCOORD_10", "_COLOR_00", "POSITION"] {
+            assert!(survey(&with(name)).is_ok(), "{name}");
         }
         let others = Survey::of(Named { name: "a.gltf", quotes: false }, br#"{"secret": 1, "secret": 2}"#);
         assert_eq!(others.err().unwrap().to_string(), "a.gltf:1: a key occurs twice in the same object");
@@ -278,6 +304,8 @@ mod tests {
                      `metallicFactor`?), `ofset` in KHR_texture_transform (did you mean `offset`?), `position` in a node";
         assert_eq!(notes(json, true), [format!("{expected}: {names}")]);
         assert_eq!(notes(json, false), [expected]);
+        // glTF defines no name for primitives, but exporters write one.
+        assert_eq!(notes(r#"{"meshes": [{"primitives": [{"name": "a"}]}]}"#, true), [""; 0]);
     }
 
     #[test]

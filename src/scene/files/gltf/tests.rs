@@ -478,6 +478,16 @@ fn what_is_required_and_lacking_is_named_and_what_is_known_is_not() {
     assert_eq!(used.unwrap().notes, ["unsupported extensions are ignored: `KHR_materials_variants`"]);
 }
 
+/// The second buffer stores nothing: the extension fills it.
+#[test]
+fn a_buffer_that_an_extension_decompresses_is_refused_with_its_cause() {
+    let buffer = r#"{"byteLength": 4, "extensions": {"EXT_meshopt_compression": {"fallback": true}}}"#;
+    let text = triangle().replace(r#""buffers": ["#, &format!(r#""buffers": [{buffer}, "#));
+    let error = read(&text).err().unwrap().to_string();
+    let expected = "the file requires the extension `EXT_meshopt_compression`, which raycl does not support";
+    assert!(error.ends_with(expected), "{error}");
+}
+
 #[test]
 fn an_accessor_without_data_is_zero_and_noted() {
     let with = |attributes: &str| {

@@ -75,15 +75,15 @@ impl Files<'_> {
     /// Returns the texture of each material, in the file's order. A material without a texture gets `None`, and so does
     /// a material whose index is not in `used`. If a texture cannot be read, the function adds a note to `notes`; the
     /// material then keeps its own colour or, if the texture is emissive, emits no light. The function also gives the
-    /// emissive textures to `materials`, in the same order.
+    /// emissive textures to `materials`, in the same order, and returns the indices of the textures that cannot be read.
     pub fn colour_maps(
         self,
         used: &HashSet<usize>,
         materials: &mut [Material],
         pictures: &mut Pictures,
         notes: &mut Vec<String>,
-    ) -> Vec<Option<ColourMap>> {
-        let mut unusable = FewNotes::default();
+    ) -> (Vec<Option<ColourMap>>, HashSet<usize>) {
+        let (mut unusable, mut unread) = (FewNotes::default(), HashSet::new());
         let mut read = |info: Option<Info>, least_alpha: f32, instead: &str, notes: &mut Vec<String>| {
             let info = info?;
             let number = info.index.value();
@@ -97,6 +97,7 @@ impl Files<'_> {
                     };
                     let note = format!("texture {number}{why}: {instead}");
                     unusable.add(note.clone(), || note, notes);
+                    unread.insert(number);
                 })
                 .ok()
         };
@@ -114,7 +115,7 @@ impl Files<'_> {
             maps.push(colour.or(emissive.map(|map| ColourMap { texture: None, ..map })));
         }
         notes.extend(unusable.rest("texture"));
-        maps
+        (maps, unread)
     }
 
     fn map(self, info: &Info, least_alpha: f32, pictures: &mut Pictures) -> Parsed<ColourMap> {
@@ -206,12 +207,12 @@ fn sampler_options(root: &Root, info: Info) -> impl Iterator<Item = &'static str
             match sampler.min_filter {
                 Some(Checked::Valid(MinFilter::Nearest)) => Some("minFilter NEAREST"),
                 Some(Checked::Valid(MinFilter::Linear)) => Some("minFilter LINEAR"),
-                Some(Checked::Valid(
-                    MinFilter::NearestMipmapNearest
-                    | MinFilter::NearestMipmapLinear
-                    | MinFilter::LinearMipmapNearest,
-                )) => Some("minFilter with NEAREST"),
+                Some(Checked::Valid(MinFilter::NearestMipmapNearest)) => {
+                    Some("minFilter NEAREST_MIPMAP_NEAREST")
+                }
                 Some(Checked::Invalid) => Some("unknown minFilter"),
+                // The other filters also mix texels or mip levels. They hardly look different from raycl's filter, and
+                // exporters write them unasked.
                 _ => None,
             },
         ];

@@ -276,8 +276,7 @@ fn a_binary_part_that_is_longer_than_its_buffer_is_noted() {
         parse_binary(&[(b"BIN\0", &binary)]).unwrap().notes
     };
     assert_eq!(notes(45), [""; 0]);
-    let note =
-        "1 BIN chunk with more bytes than its buffer's byteLength states is read without the further bytes";
+    let note = "1 BIN chunk with more bytes than its buffer's byteLength states is used as far as buffer views reach";
     assert_eq!(notes(46), [note]);
 }
 

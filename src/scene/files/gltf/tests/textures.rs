@@ -179,14 +179,14 @@ fn a_sampler_that_asks_for_another_filter_or_does_not_exist_is_noted() {
         (r#""magFilter": 1234"#, "unknown magFilter"),
         (r#""minFilter": 9728"#, "minFilter NEAREST"),
         (r#""minFilter": 9729"#, "minFilter LINEAR"),
-        (r#""minFilter": 9984"#, "minFilter with NEAREST"),
-        (r#""minFilter": 9985"#, "minFilter with NEAREST"),
-        (r#""minFilter": 9986"#, "minFilter with NEAREST"),
+        (r#""minFilter": 9984"#, "minFilter NEAREST_MIPMAP_NEAREST"),
         (r#""minFilter": 1"#, "unknown minFilter"),
     ] {
         assert_eq!(notes(filter), [expected.replace("magFilter NEAREST", option)], "{filter}");
     }
-    for filter in [r#""magFilter": 9729"#, r#""minFilter": 9987"#] {
+    for filter in
+        [r#""magFilter": 9729"#, r#""minFilter": 9985"#, r#""minFilter": 9986"#, r#""minFilter": 9987"#]
+    {
         assert_eq!(notes(filter), [""; 0], "{filter}");
     }
     let missing = r#""samplers": [{}], "textures": [{"source": 0, "sampler": 1}]"#;
@@ -453,6 +453,12 @@ fn fallbacks_and_missing_pictures_are_noted_with_the_extensions_of_their_texture
     let note = "texture 1 has no picture of a format that raycl reads (its picture is in `EXT_texture_webp`): its \
                 material's own colour is used";
     assert_eq!(read_with(&text, 1), (0, vec![note.to_owned(), odd]));
+    // The other picture cannot be read, either.
+    let damaged =
+        text.replace(r#"[{"uri": "data:image/png;"#, r#"[{"uri": "data:;base64,QUJD"}, {"uri": ";"#);
+    let (pictures, notes) = read_with(&damaged, 0);
+    assert!(pictures == 0 && notes.len() == 2 && notes[0].starts_with("texture 0 "), "{notes:?}");
+    assert_eq!(notes[1], "unsupported extensions are ignored: `EXT_odd`, `EXT_texture_webp`");
     // The extension of a texture that raycl does not use is named as every other extension.
     let plain = text.replace("baseColorTexture", "metallicRoughnessTexture");
     let note = "unsupported extensions are ignored: `EXT_odd`, `EXT_texture_webp`".to_owned();
