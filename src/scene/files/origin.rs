@@ -20,6 +20,9 @@ const SMALLEST_RADIUS: f64 = 1e-6;
 /// and of the ground's edges must be within +-1e12.
 const LARGEST_RADIUS: f64 = 1e9;
 
+/// A triangle is inexact if rounding changes one of its sides by more than this part of its longest side.
+const INEXACT: f64 = 1.0 / 64.0;
+
 /// How a mesh is moved and scaled before its positions are rounded to single precision: a vector is
 /// subtracted from each position, and the result is multiplied by a power of two.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -163,6 +166,25 @@ pub(super) fn settle_if(
     let instead = positions.iter().copied().find(is_valid).unwrap_or(placement.origin);
     let settled = |position: &DVec3| placement.settled(if is_valid(position) { *position } else { instead });
     Ok((positions.iter().map(settled).collect(), placement))
+}
+
+/// Returns true if the shape of a mesh changes when its positions are rounded to single precision: if, for most of its
+/// `triangles`, the rounding changes a side by more than the part [`INEXACT`] of the triangle's longest side. `exact`
+/// has the positions in the file, and `settled` has them after they were moved, multiplied by `scale` and rounded.
+pub(super) fn is_distorted(triangles: &[Triangle], exact: &[DVec3], settled: &[Vec3], scale: f64) -> bool {
+    let is_inexact = |triangle: &&Triangle| {
+        let [a, b, c] = triangle.positions.map(|corner| corner as usize);
+        let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| {
+            let side = (exact[to] - exact[from]) * scale;
+            let rounded = settled[to].as_dvec3() - settled[from].as_dvec3();
+            (side.length_squared(), (rounded - side).length_squared())
+        });
+        let [longest, change] = sides
+            .into_iter()
+            .fold([0.0_f64; 2], |[longest, most], (side, change)| [longest.max(side), most.max(change)]);
+        change > INEXACT * INEXACT * longest
+    };
+    2 * triangles.iter().filter(is_inexact).count() > triangles.len()
 }
 
 /// Returns the placement (how positions are moved and scaled) for a mesh, or for the outline of a polygon,

@@ -78,6 +78,8 @@ pub(super) struct LeftOut {
     /// The number of triangles whose texture coordinates are so far from 0 that single precision stores them
     /// inexactly.
     pub coarse: usize,
+    /// The number of nodes with a mesh whose shape changes when its positions are rounded to single precision.
+    pub distorted: usize,
     /// The number of the file's meshes, if the file's scene contains none of them.
     pub unplaced: usize,
 }
@@ -193,8 +195,13 @@ impl LeftOut {
     }
 
     /// Returns the counts of primitives (parts of meshes), and of their triangles and accessors.
-    fn primitives(&self) -> [Counted; 13] {
+    fn primitives(&self) -> [Counted; 14] {
         [
+            (
+                self.distorted,
+                "node with a mesh, far from the origin,",
+                "shown with an inexact shape: positions are stored in single precision",
+            ),
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
             (self.lines_and_points, "primitive of lines or points", "left out"),

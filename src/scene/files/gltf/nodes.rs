@@ -24,6 +24,7 @@ use gltf::json::scene::Node;
 use gltf::json::{Index, Root, skin};
 use seen::{FileCamera, light_of, lights_of};
 use std::collections::{HashMap, HashSet};
+use std::ops::Range;
 
 /// The data that were read from the scene's nodes so far. Positions are in the scene's coordinates, in double
 /// precision.
@@ -240,6 +241,12 @@ impl<'a> Walk<'a> {
         coarse
     }
 
+    /// Returns the triangles of each node with a mesh, as ranges of indices.
+    fn of_nodes(&self) -> impl Iterator<Item = Range<usize>> {
+        let ends = self.starts.iter().skip(1).copied().chain([self.triangles.len() as u32]);
+        self.starts.iter().zip(ends).map(|(start, end)| *start as usize..end as usize)
+    }
+
     /// Returns the mesh in single precision, with the first camera and the lights of the scene.
     /// `note_materials` adds notes on the materials of the mesh.
     pub fn settled(
@@ -249,7 +256,12 @@ impl<'a> Walk<'a> {
     ) -> Result<MeshFile, Flaw> {
         let (positions, placement) =
             origin::settle_if(&self.positions, &self.triangles, |placed| self.seen_fits(placed))?;
+        let distorted = |range: &Range<usize>| {
+            origin::is_distorted(&self.triangles[range.clone()], &self.positions, &positions, placement.scale)
+        };
+        let distorted = self.of_nodes().filter(distorted).count();
         let camera_notes = self.camera_notes();
+        let light_notes = self.left_out.light_notes().collect();
         let textures = Textures::of(pictures, self.mapped, &materials);
         let mut mesh = Mesh {
             positions,
@@ -267,9 +279,8 @@ impl<'a> Walk<'a> {
             notes.extend(colours::note_outside(self.outside, "vertex"));
         }
         notes.extend((!self.unmapped.is_empty()).then(|| unmapped(self.unmapped.len(), dark)));
-        notes.extend(self.left_out.notes());
+        notes.extend(LeftOut { distorted, ..self.left_out }.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
-        let light_notes = self.left_out.light_notes().collect();
         let camera = self.cameras.first().map(|camera| camera.placed_by(&placement));
         let camera_aspect = self.cameras.first().and_then(|camera| camera.lens.aspect_ratio);
         let lights = self.lights.into_iter().map(|light| light.placed_by(&placement)).collect();

@@ -170,7 +170,33 @@ fn values_of_materials_that_are_limited_or_without_effect_are_noted() {
     let bright = extension("KHR_materials_emissive_strength", r#"{"emissiveStrength": 2e6}"#);
     assert_eq!(bright, format!("1 material asks for {}", limited("emissiveStrength")));
     let ior = extension("KHR_materials_ior", r#"{"ior": 3}"#);
-    assert!(ior.contains("(KHR_materials_ior)"), "{ior}");
+    assert!(ior.contains("asks for sheen") && ior.contains("(KHR_materials_ior)"), "{ior}");
+    for name in ["KHR_materials_common", "KHR_materials_variants"] {
+        let unknown = extension(name, "{}");
+        let note = format!("unsupported extensions are ignored: `{name}`");
+        assert!(unknown.contains(&note) && !unknown.contains("asks for sheen"), "{unknown}");
+    }
+}
+
+/// The second node places the triangle at `x`, with sides of the length `scale`.
+#[test]
+fn a_mesh_that_single_precision_distorts_is_noted() {
+    let notes = |x: u32, scale: f32| {
+        let node =
+            format!(r#"{{"mesh": 0, "translation": [{x}.3, 0.0, 0.0], "scale": [{scale}, {scale}, 1]}}"#);
+        let text = triangle()
+            .replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)
+            .replace("[0, 0, 5]}", &format!("[0, 0, 5]}}, {node}"));
+        read(&text).unwrap().notes
+    };
+    let note = "1 node with a mesh, far from the origin, is shown with an inexact shape: positions are stored in \
+                single precision";
+    for (x, scale) in [(5_400_000, 0.4), (100_000_000, 0.4), (5_400_000, 4.1)] {
+        assert_eq!(notes(x, scale), [note], "{x}");
+    }
+    for (x, scale) in [(400, 0.4), (5_400_000, 40.0), (100_000_000, 0.0)] {
+        assert_eq!(notes(x, scale), [""; 0], "{x}");
+    }
 }
 
 #[test]
