@@ -24,6 +24,20 @@ const MOST_LISTED: usize = 8;
 const SKIPPED: [&str; 9] =
     ["extras", "uri", "children", "matrix", "max", "min", "rotation", "scale", "translation"];
 
+/// The reason for which raycl refuses a key, and the remedy.
+#[derive(Clone, Copy)]
+struct Refusal {
+    why: &'static str,
+    remedy: &'static str,
+}
+
+const REPEATED: Refusal =
+    Refusal { why: "occurs twice in the same object", remedy: "remove one of the two keys, or rename it" };
+const ODD_NUMBER: Refusal = Refusal {
+    why: "has a zero or a sign before its number",
+    remedy: "rename the attribute, for example from COLOR_00 to COLOR_0",
+};
+
 /// What raycl found in the JSON.
 #[derive(Default)]
 pub(super) struct Survey {
@@ -38,8 +52,8 @@ pub(super) struct Survey {
     /// The names of attributes that glTF does not define, with the number of primitives that have them. Names that
     /// begin with `_` are left out, because applications may choose such names.
     attributes: BTreeMap<String, usize>,
-    /// The first key that raycl refuses, and why.
-    refused: Option<(String, &'static str)>,
+    /// The first key that raycl refuses.
+    refused: Option<(String, Refusal)>,
 }
 
 impl Survey {
@@ -50,10 +64,11 @@ impl Survey {
         let walk = Walk { survey: &mut survey, keys: Keys::Of(&kinds::FILE) };
         let walked = walk.deserialize(&mut serde_json::Deserializer::from_slice(json));
         match (walked, &survey.refused) {
-            (Err(error), Some((key, why))) => {
+            (Err(error), Some((key, Refusal { why, remedy }))) => {
                 let text = |key: &str| format!("{key} {why}");
                 let quoting = text(&format!("the key {}", quoted(key.as_bytes())));
-                Err(named.error(Flaw::quoting(quoting, text("a key")).at(error.line())))
+                let flaw = Flaw::quoting(quoting, text("a key")).at(error.line());
+                Err(named.error(flaw.with_remedy(remedy)))
             }
             _ => Ok(survey),
         }
@@ -188,15 +203,15 @@ impl<'de> Visitor<'de> for Walk<'_> {
         let mut known = BTreeSet::new();
         while let Some(key) = object.next_key::<Key<'de>>()? {
             let refused = if !known.insert(key.clone()) {
-                Some("occurs twice in the same object")
+                Some(REPEATED)
             } else if matches!(self.keys, Keys::Attributes) && is_odd_number(&key.0) {
-                Some("has a zero or a sign before its number; expected, for example, COLOR_0")
+                Some(ODD_NUMBER)
             } else {
                 None
             };
-            if let Some(why) = refused {
-                self.survey.refused = Some((key.0.into_owned(), why));
-                return Err(A::Error::custom(why));
+            if let Some(refusal) = refused {
+                self.survey.refused = Some((key.0.into_owned(), refusal));
+                return Err(A::Error::custom(refusal.why));
             }
             self.add(&key.0);
             let keys = self.keys.below(&key.0);
@@ -252,9 +267,9 @@ mod tests {
             format!(r#"{{"meshes": [{{"primitives": [{{"attributes": {{"COLOR_0": 1, "{name}": 0}}}}]}}]}}"#)
         };
         for name in ["COLOR_00", "COLOR_+0", "TEXCOORD_01"] {
-            let error = survey(&with(name)).err().unwrap().to_string();
-            let why = "has a zero or a sign before its number; expected, for example, COLOR_0";
-            assert_eq!(error, format!("a.gltf:1: the key `{name}` {why}"));
+            let error = survey(&with(name)).err().unwrap();
+            let expected = format!("a.gltf:1: the key `{name}` has a zero or a sign before its number");
+            assert_eq!((error.to_string(), error.remedy()), (expected, ODD_NUMBER.remedy));
         }
         for name in ["TEXCOORD_0", "TEXCOORD_10", "_COLOR_00", "POSITION"] {
             assert!(survey(&with(name)).is_ok(), "{name}");
