@@ -69,7 +69,8 @@ pub(in crate::scene) struct Pictures {
     decoded: HashMap<PathBuf, Parsed<Decoded>>,
     /// The index in `list` of each texture, by picture and usage.
     known: HashMap<(PathBuf, Usage), u32>,
-    /// For textures in `list`, by their indices: true if a part of the texture's alpha is not used.
+    /// For textures in `list`, by their indices: true if a texel of the texture is not opaque or, for a mask, if the
+    /// mask is translucent (see [`is_translucent`]).
     alphas: HashMap<u32, bool>,
     /// The number of texels of all pictures in `decoded`. Textures of the same picture share its texels, except masks
     /// whose alpha is made from brightness; the texels of such masks are not counted.
@@ -140,12 +141,27 @@ impl Pictures {
         self.leave_out(Part::Opacity, number, name, is_translucent);
     }
 
+    /// Records that a mask is not used because it is an opaque picture that also gives the surface its colour.
+    pub fn leave_out_mask(&mut self, name: &str) {
+        self.unused.add(Part::Mask, quoted_name(name), "");
+    }
+
+    /// Returns true if all texels of a texture are opaque. `number` is the index in `list` of a texture that gives
+    /// surfaces their colour.
+    pub fn is_opaque(&mut self, number: u32) -> bool {
+        !self.has(has_alpha, number)
+    }
+
     fn leave_out(&mut self, part: Part, number: u32, name: &str, has_part: fn(&Texture) -> bool) {
-        let Self { list, alphas, .. } = self;
-        // Many materials may use the same texture, and looking at all texels takes time.
-        if *alphas.entry(number).or_insert_with(|| has_part(&list[number as usize])) {
+        if self.has(has_part, number) {
             self.unused.add(part, quoted_name(name), "");
         }
+    }
+
+    /// Returns `has_part` of a texture. Many materials may use the same texture, and looking at all texels takes time,
+    /// so a texture is looked at once.
+    fn has(&mut self, has_part: fn(&Texture) -> bool, number: u32) -> bool {
+        *self.alphas.entry(number).or_insert_with(|| has_part(&self.list[number as usize]))
     }
 
     /// Returns notes on the parts of pictures that are not used, except the parts `unnoted`. If `quotes` is true, the

@@ -14,6 +14,7 @@ pub(in crate::scene) enum Part {
     FourthChannel,
     Alpha,
     Opacity,
+    Mask,
 }
 
 impl Part {
@@ -28,6 +29,7 @@ impl Part {
             Self::FourthChannel => ("fourth channel", "it does not count as alpha"),
             Self::Alpha => ("alpha", "without a map_d, a surface has no holes"),
             Self::Opacity => ("partial opacity", "every point is either opaque or a hole"),
+            Self::Mask => ("mask", "map_Kd names the same picture, which is opaque"),
         };
         (what, "is not used", instead)
     }

@@ -83,8 +83,8 @@ impl Maps {
     ) -> Loaded<'_> {
         let mapping = self.mapping()?;
         let wrap = [mapping.wrap; 2];
-        let mut load = |map: &Option<Map>, usage, [what, instead]: [&str; 2]| {
-            let map = map.as_ref()?;
+        let mut load = |pictures: &mut Pictures, map: Option<&Map>, usage, [what, instead]: [&str; 2]| {
+            let map = map?;
             map.load(reach, pictures, namesakes, usage)
                 .map_err(|why| {
                     // The text `about` has no line number, so only one note is added if many materials name
@@ -95,11 +95,13 @@ impl Maps {
                 })
                 .ok()
         };
-        let colour =
-            load(&self.colour, Usage::colour(wrap), ["texture", "its material's own colour is used"]);
-        let mask = load(&self.mask, Usage::mask(wrap, LEAST_ALPHA), ["mask", "its surface has no holes"]);
+        let (of_colour, of_mask) = (Usage::colour(wrap), Usage::mask(wrap, LEAST_ALPHA));
+        let own = ["texture", "its material's own colour is used"];
+        let colour = load(pictures, self.colour.as_ref(), of_colour, own);
+        let used = self.mask.as_ref().filter(|mask| !self.is_opaque_colour(mask, colour, pictures));
+        let mask = load(pictures, used, of_mask, ["mask", "its surface has no holes"]);
         let dark = "its surface emits no light, unless the scene sets `emitted`";
-        let emission = load(&self.emission, Usage::colour(wrap), ["emission texture", dark]);
+        let emission = load(pictures, self.emission.as_ref(), of_colour, ["emission texture", dark]);
         if let (Some(map), Some(number), None) = (&self.colour, colour, &self.mask) {
             pictures.leave_out_alpha(number, map.name());
         }
@@ -113,6 +115,18 @@ impl Maps {
         });
         let all = [colour, mask, emission];
         all.iter().any(Option::is_some).then_some(LoadedMaps { mapping, all, is_whitened })
+    }
+
+    /// Returns true, and records that `mask` is not used, if it names the picture of `map_Kd`, and this picture is
+    /// opaque. A program that writes the same name twice means the picture's alpha, and not that dark colours are
+    /// holes. `colour` is the index of the colour texture in `Pictures::list`; `None` if the texture was not read.
+    fn is_opaque_colour(&self, mask: &Map, colour: Option<u32>, pictures: &mut Pictures) -> bool {
+        let names_colour = self.colour.as_ref().is_some_and(|colour| colour.name() == mask.name());
+        let is_opaque = names_colour && colour.is_some_and(|number| pictures.is_opaque(number));
+        if is_opaque {
+            pictures.leave_out_mask(mask.name());
+        }
+        is_opaque
     }
 }
 

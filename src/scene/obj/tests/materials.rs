@@ -464,6 +464,8 @@ fn parts_of_pictures_that_are_not_used_are_noted_once() {
         "partial opacity of 1 texture is not used (`half.png`): every point is either opaque or a hole";
     assert_eq!(notes("newmtl a\nmap_d half.png\nnewmtl b\nmap_d half.png\n"), [partial]);
     assert_eq!(notes("newmtl a\nmap_d hole.png\nnewmtl b\n"), [""; 0]);
+    let same = "mask of 1 texture is not used (`opaque.png`): map_Kd names the same picture, which is opaque";
+    assert_eq!(notes("newmtl a\nmap_Kd opaque.png\nmap_d opaque.png\nnewmtl b\n"), [same]);
     let black = |key: &str, materials: &str| {
         format!(
             "{key} 0 0 0 beside map_{key} counts as {key} 1 1 1, since black would hide the texture ({materials})"
