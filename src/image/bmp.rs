@@ -7,6 +7,10 @@ use super::stated::{CLOSE, SRGB};
 /// Number of bytes of a BMP before its header.
 const FILE_HEADER_BYTES: usize = 14;
 
+/// The least sum of X, Y and Z of a primary that is stated: a thousandth. Some programs write no primaries, but small
+/// numbers in their places.
+const LEAST_SUM: f32 = (1 << 20) as f32;
+
 /// Returns the colour space that a BMP states, as text for messages; `None` if the BMP states none, or sRGB.
 pub fn other_space(bytes: &[u8]) -> Option<String> {
     let header = bytes.get(FILE_HEADER_BYTES..)?;
@@ -28,15 +32,14 @@ pub fn other_space(bytes: &[u8]) -> Option<String> {
     }
 }
 
-/// Returns true if a primary that a header states (as X, Y and Z) differs from sRGB's.
+/// Returns true if a header states all three primaries (as X, Y and Z), and one of them differs from sRGB's.
 fn has_other_primaries(header: &[u8]) -> bool {
-    let primary = |at: usize| {
-        let [x, y, z] = [0, 4, 8].map(|offset| u32_at(header, at + offset).unwrap_or(0) as f32);
-        [x / (x + y + z), y / (x + y + z)]
-    };
-    let stated = [60, 72, 84].map(primary);
+    let stated =
+        [60, 72, 84].map(|at| [0, 4, 8].map(|offset| u32_at(header, at + offset).unwrap_or(0) as f32));
+    let is_stated = stated.iter().all(|primary| primary.iter().sum::<f32>() >= LEAST_SUM);
+    let ratios = stated.map(|[x, y, z]| [x / (x + y + z), y / (x + y + z)]);
     let is_other = |(value, usual): (&f32, f32)| (value - usual).abs() > CLOSE;
-    stated.as_flattened().iter().zip(SRGB).any(is_other)
+    is_stated && ratios.as_flattened().iter().zip(SRGB).any(is_other)
 }
 
 /// Returns true if a BMP has 32 bits per texel without bit masks, and the fourth bytes of its texels are neither all 0
@@ -83,6 +86,8 @@ mod tests {
     }
 
     const USUAL: [f32; 9] = [0.64, 0.33, 0.03, 0.3, 0.6, 0.1, 0.15, 0.06, 0.79];
+    /// The number 2 in the place of the last number of the primaries, in units of 2 to the power of -30.
+    const LAST: [f32; 9] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0 / (1 << 30) as f32];
 
     #[test]
     fn a_calibrated_colour_space_is_compared_with_srgb() {
@@ -92,6 +97,7 @@ mod tests {
             (108, b"\0\0\0\0", USUAL, 2.2, None),
             (124, b"\0\0\0\0", USUAL, 0.4545, None),
             (108, b"\0\0\0\0", [0.0; 9], 0.0, None),
+            (108, b"\0\0\0\0", LAST, 0.0, None),
             (108, b"BGRs", adobe, 1.0, None),
             (108, b"\0\0\0\0", USUAL, 1.0, Some("gamma 1.00")),
             (108, b"\0\0\0\0", adobe, 2.2, Some("other primaries")),
