@@ -12,21 +12,18 @@ const CODES: u8 = 0xc4;
 const RESTARTS: u8 = 0xdd;
 /// The second byte of the first of the eight markers for restarts.
 const FIRST_RESTART: u8 = 0xd0;
-/// The largest number of bytes that may be left when all blocks are read, including the eight zeros of
-/// [`Bits::is_padded`]. Some programs write a few bytes after the last block.
-const MOST_LEFT: usize = 4;
 
 /// For each possible value of the next 16 bits, the length of the code with which they begin, and the code's value. The
 /// length is 0 if they begin with no code.
 type Codes = Vec<[u8; 2]>;
 
-/// Returns true if the compressed values end too early or too late for the picture's number of blocks, or contain a
-/// code that does not exist. Nearly all losses of many bytes have one of these effects, and so have about half of all
-/// changes of a single byte. A picture with another kind of frame than [`FRAMES`], or with several scans, is not
-/// checked.
+/// Returns true if the compressed values end too early for the picture's number of blocks, or contain a code that does
+/// not exist. Nearly all losses of many bytes have one of these effects. Bytes that are left after the last block do not
+/// count, since some programs write such bytes. A picture with another kind of frame than [`FRAMES`], or with several
+/// scans, is not checked.
 pub fn is_damaged(bytes: &[u8]) -> bool {
     let Some((blocks, mut bits)) = blocks_of(bytes) else { return false };
-    blocks.pass_all(&mut bits).is_none() || bits.pass_rest() > MOST_LEFT
+    blocks.pass_all(&mut bits).is_none()
 }
 
 /// The blocks of a picture's scan.
@@ -182,23 +179,17 @@ impl<'a> Bits<'a> {
 
     /// Passes the marker for the restart `index`.
     fn pass_restart(&mut self, index: u8) -> Option<()> {
-        let left = self.pass_rest();
+        self.pass_rest();
         let kind = self.rest.iter().position(|byte| *byte != MARKER)?;
-        let is_next = self.rest[kind] == FIRST_RESTART + index && left <= MOST_LEFT;
+        let is_next = self.rest[kind] == FIRST_RESTART + index;
         *self = Self::of(&self.rest[kind + 1..]);
         is_next.then_some(())
     }
 
-    /// Passes all bits before the next marker. Returns how many whole bytes these bits are.
-    fn pass_rest(&mut self) -> usize {
-        let mut left = 0;
-        loop {
-            self.fill();
-            if self.count < 8 {
-                return left;
-            }
-            left += self.count as usize / 8;
-            self.count = 0;
+    /// Passes all bytes before the next marker.
+    fn pass_rest(&mut self) {
+        while let [MARKER, 0, rest @ ..] | [0..=0xfe, rest @ ..] = self.rest {
+            self.rest = rest;
         }
     }
 }
@@ -226,11 +217,11 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_has_the_values_of_all_its_blocks_and_no_more() {
+    fn a_picture_has_the_values_of_all_its_blocks_and_perhaps_more() {
         let is_whole = |width, restarts, values: &[u8]| !is_damaged(&of_groups(width, restarts, values));
         // 33 pixels are three groups, which take 36 bits.
         let of_bytes = |count: usize| is_whole(33, 0, &vec![0; count]);
-        assert_eq!([3, 4, 5, 8, 9].map(of_bytes), [false, true, true, true, false]);
+        assert_eq!([3, 4, 5, 8, 9].map(of_bytes), [false, true, true, true, true]);
         assert!(
             is_whole(16, 0, &[0; 2]) && !is_whole(33, 0, &[0, 0x80, 0, 0, 0]),
             "a code that does not exist"
@@ -242,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_or_overwritten_is_damaged_and_whole_pictures_are_not() {
+    fn what_is_cut_is_damaged_and_whole_pictures_are_not() {
         let picture = |width, height| {
             let pixel = |x: u32, y: u32| Rgb([(x * 7) as u8, (y * 5) as u8, (x * y) as u8]);
             super::super::jpeg::encode(&RgbImage::from_fn(width, height, pixel), 95).unwrap()
@@ -254,7 +245,7 @@ mod tests {
         let part = |end: usize| &whole[..whole.len() - end];
         let quarter = (whole.len() - 623) / 4;
         assert!(is_damaged(&[part(quarter), &END].concat()));
-        assert!(is_damaged(&[part(quarter), &vec![0; quarter], &END].concat()));
+        assert!(!is_damaged(&[part(2), &vec![0; quarter], &END].concat()));
     }
 
     #[test]
@@ -298,13 +289,14 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_restarts_go_from_0_to_7_and_what_is_left_before_a_restart_is_damaged() {
+    fn numbers_of_restarts_go_from_0_to_7_and_bytes_may_be_left_before_a_restart() {
         let values = |group: u8| match group {
             0 => vec![0, 0],
             _ => vec![MARKER, FIRST_RESTART + (group - 1) % 8, 0, 0],
         };
         let groups: Vec<u8> = (0..10).flat_map(values).collect();
         assert!(!is_damaged(&of_groups(160, 1, &groups)));
-        assert!(is_damaged(&of_groups(160, 1, &[&[0_u8; 20][..], &groups].concat())));
+        let more = [&[0; 20][..], &[MARKER, 0], &groups].concat();
+        assert!(!is_damaged(&of_groups(160, 1, &more)) && is_damaged(&of_groups(160, 1, &more[..40])));
     }
 }
