@@ -464,8 +464,6 @@ fn parts_of_pictures_that_are_not_used_are_noted_once() {
         "partial opacity of 1 texture is not used (`half.png`): every point is either opaque or a hole";
     assert_eq!(notes("newmtl a\nmap_d half.png\nnewmtl b\nmap_d half.png\n"), [partial]);
     assert_eq!(notes("newmtl a\nmap_d hole.png\nnewmtl b\n"), [""; 0]);
-    let same = "mask of 1 texture is not used (`opaque.png`): map_Kd names the same picture, which is opaque";
-    assert_eq!(notes("newmtl a\nmap_Kd opaque.png\nmap_d opaque.png\nnewmtl b\n"), [same]);
     let black = |key: &str, materials: &str| {
         format!(
             "{key} 0 0 0 beside map_{key} counts as {key} 1 1 1, since black would hide the texture ({materials})"
@@ -613,6 +611,32 @@ fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
         );
         assert!(note.contains(&start) && !note.contains("secret"), "{note}");
     }
+}
+
+#[test]
+fn a_map_d_that_names_another_picture_than_map_kd_is_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let tga = crate::image::tga([4, 7, 10, 50], [0; 2], 2);
+    std::fs::write(folder.path().join("undefined.tga"), tga).unwrap();
+    for name in ["dark.png", "other.png"] {
+        image::RgbImage::from_pixel(1, 1, image::Rgb([10, 7, 4])).save(folder.path().join(name)).unwrap();
+    }
+    let reach =
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } };
+    // The other material comes first, and its mask is made of brightness.
+    let read = |colour: &str, mask: &str| {
+        let mtl = format!("newmtl b\nmap_d {mask}\nnewmtl a\nmap_Kd {colour}\nmap_d {mask}\n");
+        std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
+        let faces = "vt 0 0\nusemtl b\nf 1/1 2/1 3/1\nusemtl a\nf 1/1 2/1 3/1\n";
+        parse("test.obj", reach, format!("mtllib m.mtl\n{CORNERS}{faces}").as_bytes()).unwrap().notes
+    };
+    for name in ["dark.png", "undefined.tga"] {
+        let note = format!(
+            "mask of 1 texture is not used (`{name}`): map_Kd names the same picture, which is opaque"
+        );
+        assert_eq!(read(name, name), [note]);
+    }
+    assert_eq!(read("dark.png", "other.png"), [""; 0]);
 }
 
 #[test]
