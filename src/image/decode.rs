@@ -3,7 +3,7 @@
 //! refuses three kinds of files that the decoders of the crate `image` would not refuse.
 
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
-use super::png_chunks::{after_png, png_chunks};
+use super::png_chunks::png_chunks;
 use image::codecs::png::PngDecoder;
 use image::{ImageError, ImageFormat, ImageReader};
 use std::io::{Cursor, ErrorKind};
@@ -27,7 +27,7 @@ pub fn picture_reader(
     let shown = image::guess_format(bytes).ok();
     match shown {
         Some(ImageFormat::Png) => check_palette(bytes)?,
-        Some(ImageFormat::Jpeg) if after_jpeg(bytes).is_none() => {
+        Some(ImageFormat::Jpeg) if !has_end(bytes) => {
             return Err(CUT_OFF.to_owned());
         }
         Some(ImageFormat::Jpeg) => check_channels(bytes)?,
@@ -110,27 +110,16 @@ pub(super) fn segments(bytes: &[u8]) -> impl Iterator<Item = (u8, &[u8], &[u8])>
     })
 }
 
-/// Returns the bytes of a file after the end of a JPEG or PNG; no bytes if only zeros and blanks follow, or for other
-/// formats. The decoder does not read these bytes.
-pub fn rest_of_picture(bytes: &[u8]) -> &[u8] {
-    let rest = match image::guess_format(bytes) {
-        Ok(ImageFormat::Jpeg) => after_jpeg(bytes).unwrap_or_default(),
-        Ok(ImageFormat::Png) => after_png(bytes),
-        _ => &[],
-    };
-    if rest.iter().all(|byte| *byte == 0 || byte.is_ascii_whitespace()) { &[] } else { rest }
-}
-
-/// Returns the bytes after the end of a JPEG: after the first marker for the end of the picture that follows a scan.
-/// Returns `None` if there is no such marker. If the end of a file is missing, the decoder reports no error, and the
-/// missing part of the picture becomes grey. The markers of a preview picture in the header do not count: they lie in a
-/// segment (a block of the header that begins with its length), and this function skips segments.
-fn after_jpeg(bytes: &[u8]) -> Option<&[u8]> {
+/// Returns true if a JPEG has a marker for the end of the picture after a scan. If the end of a file is missing, the
+/// decoder reports no error, and the missing part of the picture becomes grey. The markers of a preview picture in the
+/// header do not count: they lie in a segment (a block of the header that begins with its length), and this function
+/// skips segments.
+fn has_end(bytes: &[u8]) -> bool {
     let (mut rest, mut has_scan) = (bytes, false);
     while let Some(at) = rest.iter().position(|&byte| byte == MARKER) {
         rest = &rest[at + 1..];
         match *rest {
-            [kind, ..] if has_scan && [MARKER, kind] == END_OF_IMAGE => return Some(&rest[1..]),
+            [kind, ..] if has_scan && [MARKER, kind] == END_OF_IMAGE => return true,
             // The byte after 0xff shows what the two bytes are: 0 means a byte 0xff of a scan, 0xff means
             // padding before a marker, and 1 or 0xd0 to 0xd9 means a marker without a segment.
             [0 | 1 | 0xd0..=0xd9 | MARKER, ..] => {}
@@ -139,10 +128,10 @@ fn after_jpeg(bytes: &[u8]) -> Option<&[u8]> {
                 let length = usize::from(u16::from_be_bytes([high, low]));
                 rest = rest.get(1 + length..).unwrap_or_default();
             }
-            _ => return None,
+            _ => return false,
         }
     }
-    None
+    false
 }
 
 /// A damaged PNG of one pixel: the palette has four bytes, which is not a multiple of three.
@@ -195,17 +184,6 @@ mod tests {
                 assert_eq!(refusal(&whole[..end]), "the file ends before the picture is complete", "{end}");
             }
         }
-    }
-
-    #[test]
-    fn the_rest_of_a_file_begins_after_the_end_of_its_picture() {
-        let mut png = Cursor::new(Vec::new());
-        picture(3, 2).write_to(&mut png, ImageFormat::Png).unwrap();
-        for whole in [jpeg(24, 400), png.into_inner()] {
-            let rest = |added: &[u8]| rest_of_picture(&[&whole[..], added].concat()).to_vec();
-            assert_eq!([&b""[..], b"\0\r\n\0", b"\0 more"].map(rest), [&b""[..], b"", b"\0 more"]);
-        }
-        assert_eq!(rest_of_picture(b"BM more"), b"");
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub use compare::{
 };
 #[cfg(test)]
 pub use decode::ODD_PALETTE;
-pub use decode::{decoder_message, is_animated, picture_reader, rest_of_picture};
+pub use decode::{decoder_message, is_animated, picture_reader};
 pub use display::{Shown, TOGETHER, to_rgb8, to_rgba8, transform};
 pub use file::{
     Values, check_alpha, check_image, check_png, check_target, frame_key, holds_radiance, read_picture, save,
@@ -46,7 +46,7 @@ pub use movie::Movie;
 pub use stated::{check_channels, exr_rest, header_remarks, unread_channels};
 #[cfg(test)]
 pub use tga::tests::tga;
-pub use tga::{TGA_FOOTER, TgaAlpha, has_alpha_bit};
+pub use tga::{TGA_FOOTER, TgaAlpha, has_alpha_bits};
 
 use rayon::prelude::*;
 

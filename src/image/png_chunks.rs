@@ -19,15 +19,3 @@ pub fn png_chunks(bytes: &[u8]) -> impl Iterator<Item = (&[u8], usize, &[u8])> {
         Some((kind, length, &data[..length.min(data.len())]))
     })
 }
-
-/// Returns the bytes after the last chunk of a PNG, IEND.
-pub fn after_png(bytes: &[u8]) -> &[u8] {
-    let mut end = SIGNATURE_BYTES;
-    for (kind, length, _) in png_chunks(bytes) {
-        end = end.saturating_add(length).saturating_add(LENGTH_BYTES + FRAME_BYTES);
-        if kind == b"IEND" {
-            return bytes.get(end..).unwrap_or_default();
-        }
-    }
-    &[]
-}

@@ -5,6 +5,10 @@ use super::stated::is_srgb_gamma;
 
 /// The last bytes of a TGA of version 2. Files of older versions have no footer.
 pub const TGA_FOOTER: &[u8] = b"TRUEVISION-XFILE.\0";
+/// Number of bytes of the header.
+const HEADER_BYTES: usize = 18;
+/// The type, in the header, of a picture that is neither compressed nor grey, and that has no palette.
+const UNCOMPRESSED: u8 = 2;
 /// Number of bytes of the extension area.
 const EXTENSION_BYTES: usize = 495;
 
@@ -38,10 +42,23 @@ pub fn other_gamma(bytes: &[u8]) -> Option<String> {
     (above > 0.0 && below > 0.0 && !is_srgb_gamma(gamma)).then(|| format!("gamma {gamma:.2}"))
 }
 
-/// Returns true if a TGA has 16 bits per texel, and its header states that one of them is alpha. The decoder does not
-/// use this bit.
-pub fn has_alpha_bit(bytes: &[u8]) -> bool {
-    matches!(bytes.get(16..18), Some([16, description]) if description & 15 == 1)
+/// Returns true if a TGA has 16 bits per texel, one of them is alpha, and this bit is not the same in all texels. The
+/// decoder does not use this bit. The bits of a compressed TGA are not compared.
+pub fn has_alpha_bits(bytes: &[u8]) -> bool {
+    let states_alpha = matches!(bytes.get(16..18), Some([16, description]) if description & 15 == 1);
+    states_alpha && TgaAlpha::of(bytes) != TgaAlpha::Undefined && alpha_bits_differ(bytes) == Some(true)
+}
+
+/// Returns true if the uppermost bits of the texels differ in an uncompressed TGA of 16 bits per texel.
+fn alpha_bits_differ(bytes: &[u8]) -> Option<bool> {
+    let number = |at: usize| Some(usize::from(u16::from_le_bytes(*bytes.get(at..)?.first_chunk()?)));
+    // Before the texels are a text, whose length is the first byte, and a palette, which has no effect here.
+    let start = HEADER_BYTES + usize::from(*bytes.first()?);
+    let is_plain = bytes.get(1..3)? == [0, UNCOMPRESSED];
+    let texels = bytes.get(start..)?.chunks_exact(2).take(number(12)? * number(14)?);
+    let mut bits = texels.map(|texel| texel[1] >> 7);
+    let first = bits.next()?;
+    Some(is_plain && bits.any(|bit| bit != first))
 }
 
 /// Returns the extension area, whose place the footer states; `None` if a TGA has none.
@@ -92,10 +109,31 @@ pub mod tests {
         assert_eq!(TgaAlpha::of(&bytes), TgaAlpha::Straight);
     }
 
+    /// Returns a TGA of two texels of 16 bits, the second byte of which is the texel's upper one.
+    fn tga16(texels: [u8; 4], attributes: u8) -> Vec<u8> {
+        let mut bytes = tga(texels, [0; 2], attributes);
+        (bytes[12], bytes[16], bytes[17]) = (2, 16, 0x21);
+        bytes
+    }
+
     #[test]
-    fn an_alpha_bit_may_stand_beside_the_order_of_rows() {
-        let mut bytes = tga([0; 4], [0; 2], 0);
-        (bytes[16], bytes[17]) = (16, 0x21);
-        assert!(has_alpha_bit(&bytes));
+    fn alpha_bits_count_if_they_differ() {
+        let has = |first, second, attributes| has_alpha_bits(&tga16([0x80, first, 0x80, second], attributes));
+        assert_eq!([has(0, 0, 3), has(0xff, 0x80, 3), has(0, 0x80, 3)], [false, false, true]);
+        assert!(!has(0, 0x80, 2), "the extension area says that alpha is undefined");
+        let bytes = tga16([0, 0, 0, 0x80], 3);
+        assert!(bytes.iter().enumerate().all(|(end, _)| end >= 22 || !has_alpha_bits(&bytes[..end])));
+        let compressed = [&bytes[..2], &[10], &bytes[3..]].concat();
+        assert!(!has_alpha_bits(&compressed));
+    }
+
+    #[test]
+    fn texels_begin_after_a_text_and_end_before_the_extension_area() {
+        let bytes = tga16([0, 0x80, 0, 0], 3);
+        let with_text =
+            |text: &[u8]| [&[text.len() as u8], &bytes[1..18], text, &bytes[18..22], &[0, 0x80]].concat();
+        assert!(has_alpha_bits(&with_text(b"text")));
+        let whole = tga16([0; 4], 3);
+        assert!(!has_alpha_bits(&[&whole[..22], &[0, 0x80]].concat()));
     }
 }

@@ -2,14 +2,13 @@
 
 use super::unused_parts::{Part, UnusedParts};
 use crate::image::{
-    TGA_FOOTER, TgaAlpha, decoder_message, has_alpha_bit, has_fourth_channel, is_animated, is_damaged,
-    other_colour_space, picture_reader, rest_of_picture,
+    TGA_FOOTER, TgaAlpha, decoder_message, has_alpha_bits, has_fourth_channel, is_animated, is_damaged,
+    other_colour_space, picture_reader,
 };
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use crate::scene::obj::{Reach, quoted_name};
 use crate::scene::{Texture, Wrap};
-use crate::words::counted;
 use image::{DynamicImage, ImageDecoder, ImageFormat, Limits};
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -30,8 +29,12 @@ const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFor
 
 /// Alphas that are clearly neither transparent nor opaque.
 const PARTIAL_ALPHAS: RangeInclusive<u32> = 16..=239;
-/// The opacity of a mask counts as partial if more than one in this many texels is neither transparent nor opaque.
+/// The opacity of a mask counts as partial if more than one in this many texels is neither transparent nor opaque, as is
+/// the rest of its square.
 const LEAST_SHARE: usize = 20;
+/// The side of a square in texels is the larger of two numbers: the first, and the shorter side of the picture divided
+/// by the second. Squares are wider than the soft edges of ordinary masks.
+const SQUARE: [usize; 2] = [8, 64];
 
 /// A result whose error continues a message that begins with the picture's name.
 type Parsed<T> = std::result::Result<T, String>;
@@ -176,22 +179,19 @@ fn has_alpha(texture: &Texture) -> bool {
     texture.texels.iter().any(|texel| texel >> 24 < 255)
 }
 
-/// Returns true if many texels of a mask are neither transparent nor opaque. A texel counts only if this is true of
-/// its four neighbours, too. Thus, the soft edges of opaque parts do not count.
+/// Returns true if many texels of a mask are neither transparent nor opaque. The mask is divided into squares, and a
+/// texel counts only if this is true of its whole square. Thus, the soft edges of opaque parts do not count.
 fn is_translucent(texture: &Texture) -> bool {
     let [width, height] = texture.size.map(|side| side as usize);
-    let is_partial = |x: usize, y: usize| PARTIAL_ALPHAS.contains(&(texture.texels[y * width + x] >> 24));
-    let counts = |x: usize, y: usize| {
-        let [left, right] = [x.saturating_sub(1), (x + 1).min(width - 1)];
-        let [above, below] = [y.saturating_sub(1), (y + 1).min(height - 1)];
-        is_partial(x, y)
-            && is_partial(left, y)
-            && is_partial(right, y)
-            && is_partial(x, above)
-            && is_partial(x, below)
+    let side = SQUARE[0].max(width.min(height) / SQUARE[1]);
+    let [across, down] = [width, height].map(|length| side.min(length));
+    let is_partial = |texel: &u32| PARTIAL_ALPHAS.contains(&(texel >> 24));
+    let is_square = |rows: &[u32], left: usize| {
+        rows.chunks_exact(width).all(|row| row[left..left + across].iter().all(is_partial))
     };
-    let count: usize = (0..height).map(|y| (0..width).filter(|x| counts(*x, y)).count()).sum();
-    LEAST_SHARE * count > width * height
+    let of_rows = |rows| (0..=width - across).step_by(across).filter(|left| is_square(rows, *left)).count();
+    let squares: usize = texture.texels.chunks_exact(down * width).map(of_rows).sum();
+    LEAST_SHARE * squares * across * down > width * height
 }
 
 /// Adds the number of a picture's texels to `sum`, which is the number of texels of all earlier pictures. Returns an
@@ -246,8 +246,17 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     // A decoded texel takes at most 8 bytes. The conversion to four channels of 8 bits takes at most another
     // 8 bytes.
     room_for(size, 16, &Available::read())?;
-    let unused = unused_parts(bytes, format, &mut decoder);
-    let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
+    let mut unused = unused_parts(bytes, format, &mut decoder);
+    let mut has_damaged_data = false;
+    // On an idle core, the check takes no time: it ends before the decoder.
+    let picture = rayon::in_place_scope(|scope| {
+        if format == ImageFormat::Jpeg {
+            scope.spawn(|_| has_damaged_data = is_damaged(bytes));
+        }
+        DynamicImage::from_decoder(decoder)
+    });
+    let picture = picture.map_err(decoder_message).map_err(damaged)?;
+    unused.extend(has_damaged_data.then(|| (Part::Data, String::new())));
     let texels = words(&picture);
     let texels = if format == ImageFormat::Tga { with_tga_alpha(bytes, texels) } else { texels };
     Ok(([width, height], texels, unused))
@@ -271,24 +280,19 @@ fn divided_by_alpha(texel: u32) -> u32 {
     u32::from_le_bytes([red, green, blue, alpha])
 }
 
-/// Returns the parts of a picture that are damaged or not used, each with a text for messages (see [`Decoded`]).
+/// Returns the parts of a picture that are not used, each with a text for messages (see [`Decoded`]).
 fn unused_parts(bytes: &[u8], format: ImageFormat, decoder: &mut impl ImageDecoder) -> Vec<(Part, String)> {
     let space = other_colour_space(bytes, format, decoder).map(|space| (Part::ColourSpace, space));
     let orientation = decoder.orientation().map_or(1, |orientation| orientation.to_exif());
     let turned = (orientation != 1).then(|| (Part::Orientation, format!("Exif {orientation}")));
     let animated = format == ImageFormat::Png && is_animated(bytes);
     let animated = animated.then(|| (Part::Animation, String::new()));
-    let damaged = format == ImageFormat::Jpeg && is_damaged(bytes);
-    let damaged = damaged.then(|| (Part::Data, String::new()));
-    let rest = rest_of_picture(bytes);
-    let kind = if image::guess_format(rest).is_ok() { ", another picture" } else { "" };
-    let rest = (!rest.is_empty()).then(|| (Part::Rest, counted(rest.len(), "byte") + kind));
     let fourth = match format {
         ImageFormat::Bmp => !decoder.color_type().has_alpha() && has_fourth_channel(bytes),
-        _ => format == ImageFormat::Tga && has_alpha_bit(bytes),
+        _ => format == ImageFormat::Tga && has_alpha_bits(bytes),
     };
     let fourth = fourth.then(|| (Part::FourthChannel, String::new()));
-    space.into_iter().chain(turned).chain(animated).chain(damaged).chain(rest).chain(fourth).collect()
+    space.into_iter().chain(turned).chain(animated).chain(fourth).collect()
 }
 
 /// Refuses a picture of this width and height if decoding it needs more memory than is available.
@@ -465,9 +469,13 @@ mod tests {
             let texels = (0..size[0] * size[1]).map(|texel| alpha(texel % size[0]) << 24).collect();
             is_translucent(&Texture { size, wrap: [Wrap::Repeat; 2], least_alpha: 0x8000, texels })
         };
-        let edge = |x: u32| [0, 0, 100, 200, 255, 255, 255, 130][x as usize % 8];
-        let area = |x: u32| [0, 0, 100, 150, 200, 255, 255, 255][x as usize % 8];
-        assert_eq!([edge, area].map(|alpha| is_translucent([16, 16], alpha)), [false, true]);
+        // Edges of 6 texels, areas of 20, and edges of 12 in a picture with squares of 16.
+        fn part(x: u32, of: u32, width: u32) -> u32 {
+            if x % of < width { 128 } else { 255 }
+        }
+        assert_eq!([16, 17].map(|side| is_translucent([side; 2], |x| part(x, 16, 6))), [false; 2]);
+        assert!(is_translucent([64; 2], |x| part(x, 32, 20)));
+        assert!(!is_translucent([1024; 2], |x| part(x, 64, 12)));
         assert!(is_translucent([1, 1], |_| 160) && is_translucent([256, 1], |x| x));
         assert!(![15, 240].map(|_| is_translucent([4, 4], |x| [15, 240][x as usize % 2])).contains(&true));
         // A hundredth of the texels, all side by side.
@@ -539,17 +547,22 @@ mod tests {
         // A BMP with bit masks has alpha. Without masks (compression 0), the bytes are reserved.
         assert_eq!(decoded(&bmp, None).unwrap().2, []);
         bmp[30..34].fill(0);
-        let mut tga = [tga(2, 1), vec![0; 4]].concat();
+        let mut tga = [tga(2, 1), vec![0, 0, 0, 0x80]].concat();
         (tga[16], tga[17]) = (16, 1);
-        let png = png(1, 1);
-        for (bytes, part, stated) in [
-            (bmp, Part::FourthChannel, ""),
-            (tga, Part::FourthChannel, ""),
-            ([&png[..], b"more"].concat(), Part::Rest, "4 bytes"),
-            ([&png[..], b"\xff\xd8\xff"].concat(), Part::Rest, "3 bytes, another picture"),
-        ] {
+        for bytes in [bmp, tga] {
             let unused = decoded(&bytes, Some(ImageFormat::Tga)).unwrap().2;
-            assert_eq!(unused, [(part, stated.to_owned())]);
+            assert_eq!(unused, [(Part::FourthChannel, String::new())]);
+        }
+    }
+
+    #[test]
+    fn bytes_after_the_end_of_a_picture_are_not_noted() {
+        let mut jpeg = Cursor::new(Vec::new());
+        image::RgbImage::new(2, 1).write_to(&mut jpeg, ImageFormat::Jpeg).unwrap();
+        for whole in [png(2, 1), jpeg.into_inner()] {
+            for more in [&b"more"[..], &whole] {
+                assert_eq!(decoded(&[&whole, more].concat(), None).unwrap().2, []);
+            }
         }
     }
 
@@ -614,12 +627,12 @@ mod tests {
 
     #[test]
     fn a_mask_is_not_translucent_if_only_its_level_edges_are() {
-        let is_translucent = |alphas: [u32; 8]| {
-            let texels = (0..16 * 16).map(|texel| alphas[texel / 16 % 8] << 24).collect();
-            is_translucent(&Texture { size: [16; 2], wrap: [Wrap::Repeat; 2], least_alpha: 0x8000, texels })
+        // Of 32 rows, this many are neither transparent nor opaque.
+        let is_translucent = |rows: usize| {
+            let texels = (0..32 * 32).map(|texel| if texel / 32 < rows { 128 << 24 } else { 0 }).collect();
+            is_translucent(&Texture { size: [32; 2], wrap: [Wrap::Repeat; 2], least_alpha: 0x8000, texels })
         };
-        assert!(!is_translucent([0, 0, 100, 200, 255, 255, 255, 130]));
-        assert!(is_translucent([0, 0, 100, 150, 200, 255, 255, 255]));
+        assert_eq!([7, 8].map(is_translucent), [false, true]);
     }
 
     #[test]
