@@ -272,11 +272,10 @@ fn made(
     cache: &mut FrameCache,
     notes: &mut Vec<String>,
 ) -> Result<Vec<MeshFile>> {
-    let crease = wire.crease.as_ref().map(|crease| crease.get_ref().0);
     let alone = objects::is_alone(document, &wire.object);
     let mut one = |(number, object)| {
         cache.mesh(number, || {
-            let mut file = objects::make(document, object, crease, alone, notes)?;
+            let mut file = objects::make(document, wire, object, alone, notes)?;
             if !document.bare && wire.two_sided.is_none() {
                 notes.extend(objects::note_double_sided(document, object.get_ref(), file.double_sided));
             }

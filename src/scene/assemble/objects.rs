@@ -6,7 +6,7 @@ use crate::filetype::{MeshFormat, Opened, Wanted};
 use crate::memory::Available;
 use crate::reader::lies_in;
 use crate::scene::document::{BARE_CREASE_DEGREES, Document};
-use crate::scene::files::{self, MeshFile, Placement, is_valid};
+use crate::scene::files::{self, MeshFile, Part, Placement, is_valid};
 use crate::scene::material::{PAPER_GLOSSY, PAPER_SHININESS, WHITE_RADIANCE};
 use crate::scene::normals::{self, MISSING};
 use crate::scene::obj::Permitted;
@@ -26,24 +26,63 @@ pub(super) fn is_alone(document: &Document, objects: &[Spanned<ObjectWire>]) -> 
     document.bare && matches!(objects, [only] if only.get_ref().obj.is_some())
 }
 
-/// Returns the object's mesh in the object's own coordinates, with normals. `crease` is the scene's crease
-/// angle in degrees, for objects that set none. `alone` is true for a single bare mesh ([`is_alone`]).
+/// The values of a scene file that decide how a mesh is shown.
+struct Look {
+    /// False if the scene leaves out textures.
+    textures: bool,
+    /// True if the object's `material` replaces the colours of the mesh.
+    is_painted: bool,
+    /// The crease angle in degrees, of the object or else of the scene; `None` if all edges are smooth.
+    crease: Option<f32>,
+    /// True if each triangle gets the normal of its plane.
+    flat: bool,
+}
+
+impl Look {
+    fn of(scene: &SceneWire, object: &ObjectWire) -> Self {
+        let crease = object.crease.as_ref().or(scene.crease.as_ref());
+        Self {
+            textures: scene.textures != Some(false),
+            is_painted: object.material.as_ref().is_some_and(|material| material.k_l.is_some()),
+            crease: crease.map(|crease| crease.get_ref().0),
+            flat: object.flat,
+        }
+    }
+
+    /// Returns true if the scene uses the part `part` of a mesh file.
+    fn uses(&self, part: Part) -> bool {
+        match part {
+            Part::Textures => self.textures,
+            Part::TintedTextures => self.textures && !self.is_painted,
+            Part::VertexColours => !self.is_painted,
+            // A crease angle of 0 makes all edges sharp.
+            Part::SmoothEdges => !self.flat && self.crease != Some(0.0),
+        }
+    }
+
+    /// Returns true if all edges are smooth where a mesh file has no normals.
+    fn is_smooth(&self) -> bool {
+        self.crease.is_none() && !self.flat
+    }
+}
+
+/// Returns the object's mesh in the object's own coordinates, with normals. `alone` is true for a single bare mesh
+/// ([`is_alone`]).
 pub(super) fn make(
     document: &Document,
+    scene: &SceneWire,
     object: &Spanned<ObjectWire>,
-    crease: Option<f32>,
     alone: bool,
     notes: &mut Vec<String>,
 ) -> Result<MeshFile> {
     let (wire, span) = (object.get_ref(), object.span());
     refuse_strays(document, wire)?;
     let made = |mesh| MeshFile { mesh, ..MeshFile::default() };
-    let crease = wire.crease.as_ref().map(|crease| crease.get_ref().0).or(crease);
-    let is_smooth = crease.is_none() && !wire.flat;
+    let look = Look::of(scene, wire);
     let mut file = match (&wire.obj, &wire.shape, &wire.vertices) {
         (Some(file), None, None) => {
             let beyond = wire.outside_materials.as_ref().is_some_and(|allowed| *allowed.get_ref());
-            read_file(document, file, beyond, alone, is_smooth, notes)?
+            read_file(document, file, beyond, alone, &look, notes)?
         }
         (None, Some(name), None) => {
             let shape = shape(document, wire, name)?;
@@ -58,7 +97,7 @@ pub(super) fn make(
             return Err(document.error(span, message, "this object has none or several of them"));
         }
     };
-    file.creased = normals::complete(&mut file.mesh, crease) && !wire.flat;
+    file.creased = normals::complete(&mut file.mesh, look.crease) && !wire.flat;
     if wire.flat {
         normals::flatten(&mut file.mesh);
     }
@@ -78,8 +117,9 @@ pub(super) fn unused_creases(document: &Document, scene: &SceneWire, files: &[Me
         |(object, file): (&ObjectWire, &MeshFile)| object.crease.is_none() && file.creased;
     let of_scene = scene.crease.as_ref().map(Spanned::span);
     let of_scene = of_scene.filter(|span| document.is_written(span) && !objects().any(uses_that_of_scene));
-    let reason = match scene.object.len() {
-        1 => "the object has normals at all corners, or is flat (as is a glTF without normals)",
+    let reason = match &scene.object[..] {
+        [only] if only.get_ref().crease.is_some() => "the object has a crease angle of its own",
+        [_] => "the object has normals at all corners, or is flat (as is a glTF without normals)",
         _ => {
             "each object has normals at all corners, is flat (as is a glTF without normals), or has a crease angle of \
              its own"
@@ -159,13 +199,13 @@ fn paint(base: &Material, wire: &MaterialWire) -> Material {
     Material { glossy, shininess, kind: MaterialKind::BlinnPhong, ..diffuse }
 }
 
-/// Reads an object's mesh. `is_smooth` is true if all edges will be smooth where the file has no normals.
+/// Reads an object's mesh. Adds notes on the file, except on parts that `look` leaves out or replaces.
 fn read_file(
     document: &Document,
     file: &Spanned<String>,
     beyond: bool,
     alone: bool,
-    is_smooth: bool,
+    look: &Look,
     notes: &mut Vec<String>,
 ) -> Result<MeshFile> {
     let path = document.folder.join(file.get_ref());
@@ -186,6 +226,7 @@ fn read_file(
     let format = format.unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: alone })?;
     read.notes.splice(0..0, ending);
+    read.keep_notes(|part| look.uses(part));
     match alone {
         // After this step, the coordinates of the moved and scaled mesh count as those of the file.
         true => read.notes.extend(std::mem::take(&mut read.placement).notes()),
@@ -194,7 +235,7 @@ fn read_file(
     if !document.bare && (read.camera.is_some() || !read.lights.is_empty()) {
         read.notes.push("this file's cameras and lights are not used, only those of the scene".to_owned());
     }
-    if is_smooth && read.joined > 0 {
+    if look.is_smooth() && read.joined > 0 {
         read.notes.push(format!(
             "{} joined with others at equal positions, so that edges are smooth; `crease = {BARE_CREASE_DEGREES}` \
              keeps edges sharp",

@@ -1171,11 +1171,48 @@ fn a_crease_angle_without_effect_is_noted() {
                 of its own";
     assert_eq!(notes(&format!("crease = 30\n{a}")), [at(1, only)]);
     assert_eq!(notes(&format!("crease = 30\n{a}{b}")), [""; 0]);
+    let own = "the object has a crease angle of its own";
+    assert_eq!(notes(&format!("crease = 30\n{b}crease = 40\n")), [at(1, own)]);
     assert_eq!(notes(&format!("crease = 30\n{a}{b}crease = 40\n")), [at(1, none)]);
     // A bare mesh has a default crease angle, which causes no note.
     assert_eq!(notes_of(&mesh, &[]), [""; 0]);
     let set = notes_of(&mesh, &[("crease".to_owned(), Value::from(20))]);
     assert!(set.len() == 1 && set[0].contains(only) && !set[0].contains("a.obj:"), "{set:?}");
+}
+
+#[test]
+fn parts_of_a_mesh_file_that_the_scene_leaves_out_or_replaces_cause_no_notes() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, mesh] = ["a.toml", "a.obj"].map(|name| folder.path().join(name));
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    let mtl = "newmtl a\nmap_Kd -mm 0 1 dot.png\nnewmtl b\nKd 0.5 0.5 0.5\nmap_Bump no.png\nmap_Ke no.png\n";
+    std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
+    let corners = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nvt 0 0 5\ns off\n";
+    let faces = "usemtl a\nf 1/1 2/1 3/1\nf 1 2 3\nusemtl b\nf 1 2 3\n";
+    std::fs::write(&mesh, format!("mtllib m.mtl\n{corners}{faces}")).unwrap();
+    let notes = |above: &str, in_object: &str| {
+        let text =
+            format!("{above}\n[[object]]\nmesh = \"a.obj\"\n{in_object}\n[sky]\nzenith = 1\nhorizon = 1\n");
+        std::fs::write(&path, text).unwrap();
+        load_scene_with(&path, &[]).unwrap().notes.join("\n")
+    };
+    let smooth = "smoothing groups (s) are not read";
+    let [tinted, darkened] = ["textures of 1 triangle are multiplied", "colours of vertices are multiplied"];
+    let of_textures =
+        ["options of textures", "asks for textures", "second of `vt`", "no.png", "no texture coordinates"];
+    let all = [&[smooth, tinted, darkened][..], &of_textures].concat();
+    let check = |notes: &str, left_out: &[&str]| {
+        for part in &all {
+            assert_eq!(notes.contains(part), !left_out.contains(part), "{part}: {notes}");
+        }
+    };
+    check(&notes("", ""), &[]);
+    check(&notes("crease = 40", ""), &[]);
+    for (above, in_object) in [("", "flat = true"), ("crease = 0", ""), ("crease = 40", "crease = 0")] {
+        check(&notes(above, in_object), &[smooth]);
+    }
+    check(&notes("", "material = { k_l = 1 }"), &[tinted, darkened]);
+    check(&notes("textures = false", ""), &[&of_textures[..], &[tinted]].concat());
 }
 
 #[test]

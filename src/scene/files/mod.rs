@@ -67,6 +67,21 @@ pub(in crate::scene) struct MeshFile {
     pub creased: bool,
     /// Notes for the user on parts of the file that raycl ignores or changes.
     pub notes: Vec<String>,
+    /// Notes that are shown only if the scene uses a part of the file.
+    pub notes_on: Vec<(Part, String)>,
+}
+
+/// A part of a mesh file that a scene may leave out or replace. Notes on this part are then not shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::scene) enum Part {
+    /// Textures and texture coordinates.
+    Textures,
+    /// Textures that are multiplied by the colours of vertices.
+    TintedTextures,
+    /// The colours of vertices.
+    VertexColours,
+    /// Normals that raycl generates, which make edges smooth.
+    SmoothEdges,
 }
 
 impl MeshFile {
@@ -81,6 +96,13 @@ impl MeshFile {
             self.notes.extend(invisible(&self.mesh));
         }
         self
+    }
+
+    /// Adds the notes on the parts of the file for which `is_used` returns true to the notes that are shown. Drops the
+    /// other notes on parts.
+    pub fn keep_notes(&mut self, is_used: impl Fn(Part) -> bool) {
+        let kept = self.notes_on.drain(..).filter(|(part, _)| is_used(*part)).map(|(_, note)| note);
+        self.notes.extend(kept);
     }
 
     /// Moves and scales the file's camera and lights, but not the mesh.

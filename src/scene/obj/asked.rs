@@ -149,6 +149,12 @@ impl Asked {
         self.0.get(&wish).map(Count::list)
     }
 
+    /// Divides the counts into those of the features `wishes` and those of the other features.
+    pub fn divided(self, wishes: &[Wish]) -> (Self, Self) {
+        let (these, others) = self.0.into_iter().partition(|(wish, _)| wishes.contains(wish));
+        (Self(these), Self(others))
+    }
+
     /// Adds all counts of `other`, such as those of another piece of the file.
     pub fn extend(&mut self, other: &Self) {
         self.join(other, |count| count.total);

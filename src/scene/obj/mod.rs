@@ -28,7 +28,7 @@ mod values;
 mod vertex_colours;
 mod wishes;
 
-use super::files::{MeshFile, Placement, note_points, paint};
+use super::files::{MeshFile, Part, Placement, note_points, paint};
 use super::mesh::{Mesh, Triangle};
 use crate::error::{Error, Result};
 use crate::words::counted;
@@ -87,8 +87,9 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     points::note_flat(&points, &mut notes);
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
     let materials = mtl::load_all(reach, libraries, vertex_colours::are_any(&points), &mut notes)?;
+    let mut of_textures = Vec::new();
     let coordinates = match materials.maps.iter().any(Maps::has_any) {
-        true => read_coordinates(source, &chunks, &mut notes),
+        true => read_coordinates(source, &chunks, &mut of_textures),
         false => Vec::new(),
     };
     let starts = faces::starts(&points, &coordinates);
@@ -127,14 +128,18 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     add_notes(source, &points, &faces, counts, colours.as_ref(), &mut notes);
     unused_colours.add_notes(source, &mut notes);
     notes::of_statements(&points, source.quotes, &mut notes);
-    notes::of_materials(&materials.asked, &mesh, reach.permitted.quotes, &mut notes);
+    let quotes = reach.permitted.quotes;
+    of_textures.extend(notes::of_materials_and_textures(&materials.asked, &mesh, quotes, &mut notes));
     if mapped {
         let corners = faces.iter().flat_map(|chunk| chunk.coordinate_indices.iter().copied()).collect();
         let texture_coordinates = FaceCoordinates { coordinates: Coordinates::joined(coordinates), corners };
-        textures::apply(&mut mesh, &materials.maps, &texture_coordinates, reach, &mut notes);
+        textures::apply(&mut mesh, &materials.maps, &texture_coordinates, reach, &mut of_textures);
     }
-    paint_vertices(&mut mesh, colours, &mut notes);
-    Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, ..MeshFile::default() }))
+    let smoothing = smoothing::note(faces.iter().map(|chunk| &chunk.smoothing));
+    let mut notes_on: Vec<_> = smoothing.into_iter().map(|note| (Part::SmoothEdges, note)).collect();
+    notes_on.extend(of_textures.into_iter().map(|note| (Part::Textures, note)));
+    notes_on.extend(paint_vertices(&mut mesh, colours));
+    Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, notes_on, ..MeshFile::default() }))
 }
 
 /// Refuses a mesh with 2^31 - 1 or more vertices or normals, so that every index fits into 31 bits.
@@ -175,7 +180,6 @@ fn add_notes(
     faces::note_early(faces, (triangles, materials), colours.is_some(), notes);
     points::note_surplus(points, source, notes);
     colours.iter().for_each(|colours| colours.add_notes(notes));
-    smoothing::note(faces.iter().map(|chunk| &chunk.smoothing), notes);
 }
 
 /// Returns the error for a file without triangles that has `vertices` vertices.
@@ -204,15 +208,17 @@ fn unknown_keywords(points: &[PointChunk]) -> String {
     }
 }
 
-/// Gives triangles the colours of their vertices, if vertices have colours. Adds a note if these colours change
-/// textures.
-fn paint_vertices(mesh: &mut Mesh, colours: Option<VertexColours>, notes: &mut Vec<String>) {
-    let Some(colours) = colours else { return };
+/// Gives triangles the colours of their vertices, if vertices have colours. Returns notes on textures that these colours
+/// change, and on materials that change these colours.
+fn paint_vertices(mesh: &mut Mesh, colours: Option<VertexColours>) -> Vec<(Part, String)> {
+    let Some(colours) = colours else { return Vec::new() };
     // The colour of a vertex is multiplied by the material's colour, so the default material becomes white.
     mesh.materials[0].lambertian = Vec3::ONE;
     let linear = colours.linear();
-    notes.extend(vertex_colours::note_textured(mesh, &linear));
+    let tinted = vertex_colours::note_textured(mesh, &linear).map(|note| (Part::TintedTextures, note));
+    let darkened = vertex_colours::note_darkened(mesh, &linear).map(|note| (Part::VertexColours, note));
     paint(mesh, &linear);
+    tinted.into_iter().chain(darkened).collect()
 }
 
 /// Returns the points of all pieces of the file, and their placement (how they are moved and scaled). If

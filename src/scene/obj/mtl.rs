@@ -558,7 +558,8 @@ mod tests {
         let reach =
             Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes, scaled: false } };
         let text = format!("mtllib {library}\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-        let file = parse("a.obj", reach, text.as_bytes()).unwrap();
+        let mut file = parse("a.obj", reach, text.as_bytes()).unwrap();
+        file.keep_notes(|_| true);
         (file.notes, *file.mesh.material(&file.mesh.triangles[0]))
     }
 
@@ -587,7 +588,10 @@ mod tests {
         let notes = |library: &str, quotes: bool| {
             let permitted = Permitted { beyond: false, quotes, scaled: false };
             let text = format!("mtllib {library}\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-            parse("a.obj", Reach { folder: folder.path(), permitted }, text.as_bytes()).unwrap().notes
+            let reach = Reach { folder: folder.path(), permitted };
+            let mut file = parse("a.obj", reach, text.as_bytes()).unwrap();
+            file.keep_notes(|_| true);
+            file.notes
         };
         let path = folder.path().join("sub/m.mtl");
         for library in ["sub/m.mtl", "sub\\m.mtl"] {

@@ -1,6 +1,6 @@
 //! Notes for the user on features of a mesh that raycl does not support.
 
-use super::asked::Asked;
+use super::asked::{Asked, Wish};
 use super::points::PointChunk;
 use crate::scene::Mesh;
 
@@ -13,11 +13,29 @@ pub(super) fn of_statements(points: &[PointChunk], quotes: bool, notes: &mut Vec
 
 /// Adds notes on unsupported features of the materials that triangles use.
 pub(in crate::scene) fn of_materials(asked: &[Asked], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
+    notes.extend(of_used(asked, mesh).notes("material", quotes));
+}
+
+/// Adds notes on unsupported features of the materials that triangles use, except features of textures. Returns the
+/// notes on features of textures.
+pub(super) fn of_materials_and_textures(
+    asked: &[Asked],
+    mesh: &Mesh,
+    quotes: bool,
+    notes: &mut Vec<String>,
+) -> Vec<String> {
+    let (textures, others) = of_used(asked, mesh).divided(&[Wish::Texture, Wish::TextureOption]);
+    notes.extend(others.notes("material", quotes));
+    textures.notes("material", quotes).collect()
+}
+
+/// Returns the unsupported features of the materials that triangles use.
+fn of_used(asked: &[Asked], mesh: &Mesh) -> Asked {
+    let mut all = Asked::default();
     if asked.iter().all(Asked::is_empty) {
-        return;
+        return all;
     }
     let used = mesh.materials_of_triangles();
-    let mut all = Asked::default();
     asked.iter().zip(used).filter(|(_, used)| *used).for_each(|(asked, _)| all.add_material(asked));
-    notes.extend(all.notes("material", quotes));
+    all
 }

@@ -50,19 +50,20 @@ pub(super) fn group(rest: &[u8]) -> String {
     }
 }
 
-/// Adds a note on smoothing groups if the file asks for an edge that is not smooth. `pieces` has the groups of all
-/// pieces of the file.
-pub(super) fn note<'a>(pieces: impl Iterator<Item = &'a Smoothing>, notes: &mut Vec<String>) {
+/// Returns a note on smoothing groups if the file asks for an edge that is not smooth; otherwise `None`. `pieces` has
+/// the groups of all pieces of the file.
+pub(super) fn note<'a>(pieces: impl Iterator<Item = &'a Smoothing>) -> Option<String> {
     let counts: Vec<_> = pieces.flat_map(|piece| &piece.triangles).collect();
     let groups: BTreeSet<_> = counts.iter().map(|(group, _)| group.as_str()).collect();
     // A file without smoothing groups, or with a single one, needs no note, since all faces without normals become
     // smooth anyway.
-    if groups.len() > 1 || groups.contains(OFF) {
-        notes.push(format!(
+    let note = || {
+        format!(
             "smoothing groups (s) are not read: {} smooth. A `crease` angle in the scene (a bare mesh has a \
              default) keeps edges with a larger angle sharp; flat = true in an [[object]] gives every face its \
              own normal",
             counted_are(counts.iter().map(|(_, count)| **count).sum(), "triangle without normals")
-        ));
-    }
+        )
+    };
+    (groups.len() > 1 || groups.contains(OFF)).then(note)
 }

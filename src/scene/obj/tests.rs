@@ -10,6 +10,13 @@ use crate::scene::{Material, files, normals};
 use proptest::prelude::*;
 use std::path::Path;
 
+/// Reads a mesh. The notes on all parts of the file are shown.
+fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFile> {
+    let mut file = super::parse(name, reach, bytes)?;
+    file.keep_notes(|_| true);
+    Ok(file)
+}
+
 fn read(text: &str) -> Result<MeshFile> {
     completed(text.as_bytes())
 }
@@ -470,7 +477,7 @@ fn colours_of_vertices_that_no_triangle_uses_have_no_effect() {
 fn a_textured_triangle_whose_vertices_have_colours_is_noted_unless_they_are_white() {
     let folder = tempfile::tempdir().unwrap();
     image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
-    std::fs::write(folder.path().join("m.mtl"), "newmtl a\nmap_Kd dot.png\nnewmtl b\n").unwrap();
+    std::fs::write(folder.path().join("m.mtl"), "newmtl a\nmap_Kd dot.png\nnewmtl b\nKd 1 1 1\n").unwrap();
     let notes = |colour: &str| {
         let vertices = CORNERS.replace('\n', &format!(" {colour}\n"));
         let faces = "usemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\n";
@@ -672,6 +679,23 @@ proptest! {
     fn no_text_makes_it_panic(text in "([vf#lp\\\\ ]|vn|usemtl|mtllib|[0-9/. \n-]|nan|1e9){0,60}") {
         let _ = read(&text);
     }
+}
+
+#[test]
+fn coloured_triangles_whose_material_is_not_white_are_noted() {
+    let note = |kd: &str, colour: &str| {
+        let corners = CORNERS.replace('\n', &format!(" {colour}\n"));
+        let obj = format!("usemtl a\n{corners}f -3 -2 -1\nusemtl b");
+        let mut notes = notes_of(&obj, &format!("newmtl a\n{kd}\nnewmtl b\nKd 1 1 1\n"));
+        notes.retain(|note| note.contains("multiplied"));
+        notes
+    };
+    let expected = "colours of vertices are multiplied by those of materials (Kd) on 1 triangle, although many programs \
+                    show them alone";
+    assert_eq!(note("Kd 0.8 0.8 0.8", "1 0 0"), [expected]);
+    assert_eq!(note("Kd 1 1 0", "0 0 1"), [expected]);
+    let plain = ["0 0 0", "1 1 1"].map(|colour| note("Kd 0.5 0.5 0.5", colour));
+    assert_eq!([plain.concat(), note("Kd 1 1 1", "1 0 0")].concat(), [""; 0]);
 }
 
 #[test]

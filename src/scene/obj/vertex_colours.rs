@@ -4,8 +4,8 @@ use super::faces::Start;
 use super::odd::Odd;
 use super::points::PointChunk;
 use super::text::Source;
-use crate::scene::Mesh;
 use crate::scene::files::{is_outside, linear, note_clear, note_outside};
+use crate::scene::{Mesh, Triangle};
 use crate::words::{counted, counted_are};
 use glam::Vec3;
 
@@ -45,6 +45,31 @@ pub(super) fn note_textured(mesh: &Mesh, linear: &[Vec3]) -> Option<String> {
         format!(
             "textures of {} are multiplied by the colours of vertices, although many programs show the texture alone; \
              a scene that sets `k_l = 1` leaves these colours out",
+            counted(count, "triangle")
+        )
+    };
+    (count > 0).then(note)
+}
+
+/// Returns a note on the triangles without a texture on which a material's `Kd` changes the colours of vertices; `None`
+/// if there are none. `linear` has the linear colour of each vertex.
+pub(super) fn note_darkened(mesh: &Mesh, linear: &[Vec3]) -> Option<String> {
+    let is_textured =
+        |number: usize| mesh.textures.mapped.get(number).is_some_and(|row| row.texture.is_some());
+    // White usually means that a vertex has no colour of its own, and black stays black.
+    let is_plain = |vertex: &u32| {
+        let colour = linear[*vertex as usize];
+        colour.min_element() >= LEAST_WHITE || colour == Vec3::ZERO
+    };
+    let is_changed = |(number, triangle): &(usize, &Triangle)| {
+        let lambertian = mesh.material(triangle).lambertian;
+        let is_white = lambertian.min_element() >= LEAST_WHITE && lambertian.max_element() <= 1.0;
+        !is_white && !is_textured(*number) && !triangle.positions.iter().all(is_plain)
+    };
+    let count = mesh.triangles.iter().enumerate().filter(is_changed).count();
+    let note = || {
+        format!(
+            "colours of vertices are multiplied by those of materials (Kd) on {}, although many programs show them alone",
             counted(count, "triangle")
         )
     };
