@@ -52,6 +52,12 @@ const OTHERS: &str = "elements other than `vertex`, `face` and `tristrips`, and 
 /// The first words, in lower case, of comments with the name of a texture or an MTL file.
 const TEXTURE_KEYS: [&str; 4] = ["texturefile", "texture_file", "texture", "material"];
 
+/// The endings, in lower case, of the names of pictures and MTL files in such comments.
+const NAMED_ENDINGS: [&str; 16] = [
+    "bmp", "dds", "exr", "gif", "hdr", "jpeg", "jpg", "ktx", "ktx2", "mtl", "png", "ppm", "tga", "tif",
+    "tiff", "webp",
+];
+
 /// Reads a PLY file from its bytes.
 pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
     let Tidied { header: text, payload, strange, names } =
@@ -420,7 +426,11 @@ fn note_version(header: &Header) -> Option<String> {
 fn names_texture(comment: &str) -> bool {
     let mut words = comment.split_whitespace();
     let key = words.next().unwrap_or_default().trim_end_matches([':', '=']).to_ascii_lowercase();
-    let has_ending = |name: &str| name.rsplit_once('.').is_some_and(|(_, ending)| !ending.is_empty());
+    let has_ending = |name: &str| {
+        let ending =
+            name.trim_end_matches('"').rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
+        ending.is_some_and(|ending| NAMED_ENDINGS.contains(&&*ending))
+    };
     TEXTURE_KEYS.contains(&&*key) && words.last().is_some_and(has_ending)
 }
 

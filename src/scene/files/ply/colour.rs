@@ -19,6 +19,11 @@ const KNOWN: [&str; 4] = ["red", "green", "blue", "alpha"];
 /// The factor by which a channel of the type `ushort` grows if it counts as a number from 0 to 255: 65535 / 255.
 const WIDE_TO_BYTES: f64 = 257.0;
 
+/// The largest channel of 16 bits.
+const FULL_OF_16_BITS: f64 = 65535.0;
+/// The largest channel of 10 bits.
+const MOST_OF_TEN_BITS: f64 = 1023.0;
+
 /// Returns the name of a property. The name of a colour channel is converted to lower case, since some
 /// programs write `Red`.
 pub(super) fn with_lower_case(name: String) -> String {
@@ -98,38 +103,41 @@ impl Colour {
 fn full_channel(property: &Property) -> f64 {
     match property {
         Property::Float(_) | Property::Double(_) => 1.0,
-        Property::UShort(_) => 65535.0,
+        Property::UShort(_) => FULL_OF_16_BITS,
         Property::Char(_) => 127.0,
         _ => 255.0,
     }
 }
 
-/// Checks the range of colours whose channels all have the type `ushort`, `short`, `int` or `uint`. `element` is the
-/// definition of the colours' elements, and `colours` returns the colours.
+/// Checks the range of colours whose channels all have the same type of whole numbers. `element` is the definition of
+/// the colours' elements, and `colours` returns the colours.
 ///
 /// Some programs write channels from 0 to 255 in the type `ushort`. If none of these channels is larger than 255, all
-/// colours would be almost black, so the channels count as numbers from 0 to 255, with a note. In the other three
-/// types, colours are almost black if no channel is larger than 1; this causes only a note.
+/// colours would be almost black, so the channels count as numbers from 0 to 255, with a note. Colours are
+/// also almost black if channels of 10 bits or fewer are in the type `ushort`, or if no channel of another type is
+/// larger than 1; this causes only a note.
 pub(super) fn check_range<'a>(
     element: &ElementDef,
     colours: impl FnOnce() -> Vec<&'a mut Colour>,
 ) -> Option<String> {
     let kind = channel_type(element)?;
-    let most = match kind {
-        ScalarType::UShort => (1.0 / WIDE_TO_BYTES) as f32,
-        ScalarType::Short | ScalarType::Int | ScalarType::UInt => (1.0 / 255.0) as f32,
-        _ => return None,
+    let (full, doubtful) = match kind {
+        ScalarType::UShort => (FULL_OF_16_BITS, MOST_OF_TEN_BITS),
+        ScalarType::Char => (127.0, 1.0),
+        ScalarType::Float | ScalarType::Double => return None,
+        _ => (255.0, 1.0),
     };
     let mut colours = colours();
     let largest = |of: fn(&Colour) -> f32| colours.iter().map(|colour| of(colour)).fold(0.0, f32::max);
     let [channel, alpha] = [largest(|colour| colour.channels.max_element()), largest(|colour| colour.alpha)];
-    if channel == 0.0 || channel > most {
+    if channel == 0.0 || channel > (doubtful / full) as f32 {
         return None;
     }
-    if *kind != ScalarType::UShort {
-        return Some(
-            "channels of colours count as numbers from 0 to 255, but none is larger than 1".to_owned(),
-        );
+    let most = (1.0 / WIDE_TO_BYTES) as f32;
+    if *kind != ScalarType::UShort || channel > most {
+        return Some(format!(
+            "channels of colours count as numbers from 0 to {full}, but none is larger than {doubtful}"
+        ));
     }
     for colour in &mut colours {
         colour.channels *= WIDE_TO_BYTES as f32;
