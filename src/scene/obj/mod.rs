@@ -15,6 +15,7 @@
 mod asked;
 mod coordinates;
 mod faces;
+mod flaws;
 mod mtl;
 mod namesakes;
 mod notes;
@@ -85,6 +86,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     let (points, placement) = read_points(&chunks, reading);
     let mut notes = Vec::new();
     points::note_flat(&points, &mut notes);
+    let before_materials = notes.len();
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
     let materials = mtl::load_all(reach, libraries, vertex_colours::are_any(&points), &mut notes)?;
     let mut of_textures = Vec::new();
@@ -122,9 +124,15 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     odd::check_vertices(&odd_vertices, &mesh, source, reach.permitted.scaled, &mut notes)
         .map_err(|mistake| source.error(mistake))?;
     odd::note_normals(&odd_normals, source, &mut notes);
+    if !materials.flaws.is_empty() {
+        let of_used = materials.flaws.notes(&mesh.materials_of_triangles());
+        notes.splice(before_materials..before_materials, of_used);
+    }
     let (colours, unused_colours) = VertexColours::of(&points, &starts, &mesh);
     let counts = [mesh.triangles.len(), total.normals - odd_normals.len(), materials.asked.len() - 1];
-    notes.extend(note_points(&mesh, odd_vertices.len()));
+    if !notes::have_other_elements(&points) {
+        notes.extend(note_points(&mesh, odd_vertices.len()));
+    }
     add_notes(source, &points, &faces, counts, colours.as_ref(), &mut notes);
     unused_colours.add_notes(source, &mut notes);
     notes::of_statements(&points, source.quotes, &mut notes);

@@ -3,12 +3,13 @@
 
 use super::Permitted;
 use super::asked::Asked;
+use super::flaws::{FileFlaws, Flaws, LineFlaws};
 use super::namesakes::Namesakes;
 use super::text::{
-    Chunk, Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted, quoted_name, tokens, words,
+    Chunk, Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted_name, tokens, words,
 };
 use super::textures::{Factor, Map, Maps, paths, picture};
-use super::values::{self, Ignored, Unfit};
+use super::values::{self, Unfit};
 use super::wishes;
 use crate::error::Result;
 use crate::filetype::{FileType, Foreign, MTL};
@@ -16,7 +17,7 @@ use crate::reader::{self, Kind, lies_in};
 use crate::scene::INPUTS;
 use crate::scene::few_notes::FewNotes;
 use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
-use crate::words::{counted, counted_are, few};
+use crate::words::counted_are;
 use glam::Vec3;
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeSet, HashMap};
@@ -32,6 +33,8 @@ pub(super) struct Materials {
     /// The textures of each material.
     pub maps: Vec<Maps>,
     pub by_name: HashMap<String, u32>,
+    /// Lines and definitions that raycl ignores or replaces.
+    pub flaws: Flaws,
 }
 
 /// The rule that decides which files a mesh may read. A mesh from an unknown source must not be
@@ -77,7 +80,7 @@ pub(super) fn load_all<'a>(
         (nameless > 0).then(|| format!("{} ignored", counted_are(nameless, "`mtllib` line without a name"))),
     );
     let order: Vec<usize> = lines.into_iter().rev().flatten().collect();
-    Ok(loader.named(&order, notes))
+    Ok(loader.named(&order))
 }
 
 /// The materials and files that were loaded so far.
@@ -115,6 +118,7 @@ impl Loader {
             asked: vec![Asked::default()],
             maps: vec![Maps::default()],
             by_name: HashMap::new(),
+            flaws: Flaws::default(),
         };
         Self {
             materials,
@@ -155,10 +159,9 @@ impl Loader {
 
     /// Returns the materials, after filling `by_name`. If several files have a material of the same name, the
     /// first file in `order` counts; within a file, the last material counts. A name as it is in a file is preferred
-    /// to a shortened name (see [`Names`]). Adds a note on names whose definitions differ.
-    fn named(mut self, order: &[usize], notes: &mut Vec<String>) -> Materials {
-        let quotes = self.names.iter().all(|names| names.quotes);
-        let mut repeated = BTreeSet::new();
+    /// to a shortened name (see [`Names`]). Records names whose definitions differ.
+    fn named(mut self, order: &[usize]) -> Materials {
+        self.materials.flaws.quotes = self.names.iter().all(|names| names.quotes);
         for part in [|names: &mut Names| take(&mut names.whole), |names: &mut Names| take(&mut names.short)] {
             let mut own: HashMap<String, u32> = HashMap::new();
             for (name, index) in order.iter().flat_map(|file| part(&mut self.names[*file]).into_iter().rev())
@@ -168,7 +171,7 @@ impl Loader {
                 }
                 match own.entry(name) {
                     Entry::Occupied(kept) if self.materials.differ(*kept.get(), index) => {
-                        repeated.insert(kept.key().clone());
+                        self.materials.flaws.repeated.insert(kept.key().clone(), *kept.get());
                     }
                     kept => {
                         kept.or_insert(index);
@@ -177,21 +180,8 @@ impl Loader {
             }
             self.materials.by_name.extend(own);
         }
-        notes.extend(several_definitions(&repeated, quotes));
         self.materials
     }
-}
-
-/// Returns a note on the materials that have several different definitions; `None` if there are none.
-fn several_definitions(names: &BTreeSet<String>, quotes: bool) -> Option<String> {
-    let first = names.first()?;
-    let such_as = if names.len() == 1 { "material" } else { "for example material" };
-    let shown = if quotes { format!(" ({such_as} {})", quoted(first.as_bytes())) } else { String::new() };
-    let have = if names.len() == 1 { "has" } else { "have" };
-    let materials = counted(names.len(), "material");
-    Some(format!(
-        "{materials} {have} several definitions that differ{shown}: only one definition per material is used"
-    ))
 }
 
 /// Returns a note on an MTL file that cannot be used because of `reason`.
@@ -353,13 +343,14 @@ impl Materials {
         };
         let source = Source { name, text: &text, quotes };
         let checked = check(&text);
-        notes.extend(checked.ignored.notes(&source));
-        notes.extend(checked.notes(&source));
+        let early = "lines before the first newmtl are not read";
+        notes.extend(source.note_on_lines(&format!("{name}:"), checked.early, early));
         checked.pictures.iter().for_each(|picture| reach.keep(paths(picture, folder)));
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not an MTL file: {error}"))))?;
+        let (first, mut materials) = (self.list.len(), Vec::new());
         for (material, extras) in list.iter().zip(checked.extras) {
-            let Extras { name: own, mut asked, model, colour, mask, emission, emitted, .. } = extras;
+            let Extras { name: own, mut asked, model, colour, mask, emission, emitted, flaws, .. } = extras;
             let number = self.list.len() as u32;
             let [_, short, _] = possible_names(&own);
             names.short.push((short.to_owned(), number));
@@ -375,6 +366,11 @@ impl Materials {
             wishes::of_model(&mut asked, model.as_deref(), material.glossy != Vec3::ZERO);
             self.list.push(material);
             self.asked.push(asked);
+            materials.push(flaws);
+        }
+        if !materials.iter().all(LineFlaws::is_empty) {
+            let name = name.clone();
+            self.flaws.files.push(FileFlaws { name, text: text.into_owned(), quotes, first, materials });
         }
         Ok(names)
     }
@@ -397,18 +393,8 @@ struct Checked {
     extras: Vec<Extras>,
     /// For each line that names a picture, used or not, the text that names it.
     pictures: BTreeSet<String>,
-    /// Lines with values that raycl cannot use.
-    ignored: Ignored,
-    /// Lines with more values than raycl reads.
-    more: Seen,
-    /// Lines with a colour that is probably meant as channels from 0 to 255.
-    bright: Seen,
     /// Lines before the first `newmtl`.
     early: Seen,
-    /// Lines that replace another value of an earlier line of the same material.
-    repeated: Seen,
-    /// The keywords of the lines in `repeated`.
-    repeated_keys: BTreeSet<String>,
 }
 
 /// The properties of a material that raycl reads without `tobj`.
@@ -429,6 +415,8 @@ struct Extras {
     emitted: Option<[f32; 3]>,
     /// The values of the lines that were read, as text, by the lines' keywords.
     values: HashMap<String, String>,
+    /// The lines that raycl ignores or replaces.
+    flaws: LineFlaws,
 }
 
 /// The keyword and the value of a line; `None` if the line has no value that raycl uses.
@@ -453,6 +441,14 @@ impl Extras {
                 wishes::of_material(&mut self.asked, keyword, rest);
                 Ok(None)
             }
+        }
+    }
+
+    /// Records the value of a line, and counts the line if it replaces another value.
+    fn record(&mut self, offset: usize, key: String, value: String) {
+        let old = self.values.insert(key.clone(), value.clone());
+        if old.is_some_and(|old| old != value) {
+            self.flaws.replaced(offset, key);
         }
     }
 }
@@ -486,28 +482,6 @@ impl Checked {
             }
         }
     }
-
-    /// Records the value of a line, and counts the line if it replaces another value.
-    fn record(&mut self, offset: usize, key: String, value: String) {
-        let Some(material) = self.extras.last_mut() else { return };
-        let old = material.values.insert(key.clone(), value.clone());
-        if old.is_some_and(|old| old != value) {
-            self.repeated.at(offset);
-            self.repeated_keys.insert(key);
-        }
-    }
-
-    /// Returns notes on lines that are ignored or replaced.
-    fn notes(&self, source: &Source) -> impl Iterator<Item = String> {
-        let keys = few(&self.repeated_keys.iter().collect::<Vec<_>>());
-        let repeated = format!("a later line replaces another value in the same material: {keys}");
-        let early = "lines before the first newmtl are not read";
-        let (more, bright) = ((self.more, values::MORE), (self.bright, values::BRIGHT));
-        [more, bright, (self.early, early), (self.repeated, &repeated)]
-            .map(|(lines, what)| source.note_on_lines(&format!("{}:", source.name), lines, what))
-            .into_iter()
-            .flatten()
-    }
 }
 
 /// Checks the lines of an MTL file, and converts those with newmtl, Kd, Ks and Ns to a form that `tobj` accepts.
@@ -522,12 +496,13 @@ fn check(text: &[u8]) -> Checked {
             checked.early.at_if(is_statement, offset);
             continue;
         }
-        match checked.read(number, name, rest) {
-            Err(unfit) => checked.ignored.add(offset, unfit),
+        let read = checked.read(number, name, rest);
+        let Some(material) = checked.extras.last_mut() else { continue };
+        match read {
+            Err(unfit) => material.flaws.ignored.add(offset, unfit),
             Ok(read) => {
-                checked.more.at_if(values::has_more(name, rest), offset);
-                checked.bright.at_if(values::is_bright(name, rest), offset);
-                read.into_iter().for_each(|(key, value)| checked.record(offset, key, value));
+                material.flaws.look_at(offset, name, rest);
+                read.into_iter().for_each(|(key, value)| material.record(offset, key, value));
             }
         }
     }

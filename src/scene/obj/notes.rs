@@ -11,6 +11,12 @@ pub(super) fn of_statements(points: &[PointChunk], quotes: bool, notes: &mut Vec
     notes.extend(asked.notes("statement", quotes));
 }
 
+/// Returns true if vertices may belong to lines, points, curves or surfaces, which have notes of their own.
+pub(super) fn have_other_elements(points: &[PointChunk]) -> bool {
+    let of_vertices = [Wish::Lines, Wish::Points, Wish::FreeForm];
+    points.iter().any(|chunk| of_vertices.iter().any(|wish| chunk.asked.keywords(*wish).is_some()))
+}
+
 /// Adds notes on unsupported features of the materials that triangles use.
 pub(in crate::scene) fn of_materials(asked: &[Asked], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     notes.extend(of_used(asked, mesh).notes("material", quotes));

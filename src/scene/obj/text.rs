@@ -78,7 +78,7 @@ impl Seen {
 
     /// Joins what was seen in this piece of the file and in a later piece. Returns the number of irregular
     /// lines in both pieces together, and the byte offset of the first irregular line.
-    fn joined(self, later: Self) -> Self {
+    pub fn joined(self, later: Self) -> Self {
         Self {
             count: self.count + later.count,
             first: if self.count == 0 { later.first } else { self.first },

@@ -27,9 +27,21 @@ pub(super) struct Ignored(Vec<(Unfit, Seen)>);
 impl Ignored {
     /// Counts an ignored line. `offset` is the line's byte offset in the text.
     pub fn add(&mut self, offset: usize, unfit: Unfit) {
-        match self.0.iter_mut().find(|(known, _)| known.kind == unfit.kind) {
-            Some((_, lines)) => lines.at(offset),
-            None => self.0.push((unfit, Seen { count: 1, first: offset })),
+        self.extend(Self(vec![(unfit, Seen { count: 1, first: offset })]));
+    }
+
+    /// Returns true if no line is ignored.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Adds ignored lines of a later part of the text.
+    pub fn extend(&mut self, later: Self) {
+        for (unfit, lines) in later.0 {
+            match self.0.iter_mut().find(|(known, _)| known.kind == unfit.kind) {
+                Some((_, known)) => *known = known.joined(lines),
+                None => self.0.push((unfit, lines)),
+            }
         }
     }
 

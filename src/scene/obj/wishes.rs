@@ -52,8 +52,9 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
         b"tr" => (Wish::Transparency, any(|value| value > 0.0)),
         b"tf" => (Wish::Transparency, has_form() || any(|value| value != 1.0)),
         b"ka" => (Wish::Ambient, has_form() || not_zero()),
-        // A roughness of 0 asks for a smooth surface; other numbers that are 0 ask for nothing.
-        b"pr" => (Wish::Physical, has_value()),
+        // A roughness of 0 asks for a smooth surface; other numbers that are 0 ask for nothing. A surface of roughness 1
+        // is matt, as raycl shows it.
+        b"pr" => (Wish::Physical, has_value() && !any(|value| value == 1.0)),
         b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" => (Wish::Physical, not_zero()),
         _ => (Wish::Unknown, true),
     };

@@ -390,22 +390,27 @@ fn lines_before_the_first_newmtl_are_counted() {
 fn lines_that_replace_another_value_are_counted() {
     let first = "newmtl a\nKd 1 0 0\nKd 0 1 0\nmap_Kd a.png\nmap_Kd b.png\nKd 0 1 0\nNs 1\n";
     let mtl = format!("{first}newmtl b\nKd 1 0 0\nKd 1.0 0 0\nNs 2\n");
-    let notes = notes_of("usemtl b", &mtl);
+    let notes = notes_of("usemtl a\nf 1 2 3\nusemtl b", &mtl);
     let expected = "m.mtl:3: a later line replaces another value in the same material: Kd, map_Kd (2 lines)";
-    assert!(notes.len() == 1 && notes[0].ends_with(expected), "{notes:?}");
+    assert!(notes.len() == 2 && notes[0].ends_with(expected), "the second is on b.png: {notes:?}");
     for line in ["Ks 1\nKs 0", "illum 1\nillum 2", "Ke 1\nke 2", "map_d a.png\nmap_d b.png"] {
-        let notes = notes_of("usemtl b", &format!("newmtl a\n{line}\nnewmtl b\n"));
-        assert_eq!(notes.len(), 1, "{line}: {notes:?}");
+        let replaced = |material: &str| {
+            let mut notes = notes_of(&format!("usemtl {material}"), &format!("newmtl a\n{line}\nnewmtl b\n"));
+            notes.retain(|note| note.contains("replaces another value"));
+            notes.len()
+        };
+        assert_eq!((replaced("a"), replaced("b")), (1, 0), "{line}");
     }
 }
 
 #[test]
 fn materials_with_several_definitions_that_differ_are_counted() {
-    let several = |mtl: &str| {
-        let mut notes = notes_of("", mtl);
+    let several_of = |obj: &str, mtl: &str| {
+        let mut notes = notes_of(obj, mtl);
         notes.retain(|note| note.contains("several definitions"));
         notes
     };
+    let several = |mtl: &str| several_of("usemtl a\nf 1 2 3\nusemtl b", mtl);
     let one = "1 material has several definitions that differ (material `a`): only one definition per \
                material is used";
     let two = "2 materials have several definitions that differ (for example material `a`): only one \
@@ -423,6 +428,7 @@ fn materials_with_several_definitions_that_differ_are_counted() {
     for (mtl, expected) in cases {
         assert_eq!(several(mtl), expected, "{mtl}");
     }
+    assert_eq!(several_of("usemtl b", cases[7].0), [one.replace("`a`", "`b`")], "`a` is not used");
 }
 
 #[test]
@@ -565,7 +571,8 @@ fn a_material_has_its_three_channels_or_the_default() {
 #[test]
 fn lines_with_unusable_values_are_counted_by_kind_and_the_others_are_used() {
     let mtl = "newmtl a\nKd 0.5\nKd x\nKe nan 0 0\nd inf\nTf spectral a.rfl\nKd xyz 1 1 1\nd -halo 0.5\nTr 0 x\nnewmtl b\nKd -1\nKd y\n";
-    let notes = notes_of("usemtl b", mtl);
+    let mut notes = notes_of("usemtl a\nf 1 2 3\nusemtl b", mtl);
+    notes.retain(|note| note.contains("raycl ignores "));
     let kinds = [
         ("m.mtl:3: `x` in Kd (expected ", "raycl ignores 3 such lines. "),
         (
@@ -584,6 +591,10 @@ fn lines_with_unusable_values_are_counted_by_kind_and_the_others_are_used() {
     }
     let file = with_materials("usemtl a", mtl);
     assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::splat(0.5));
+    let of_used = notes_of("usemtl b", mtl);
+    let second =
+        "m.mtl:11: `-1` in Kd (expected one or three numbers from 0 to 1e6). raycl ignores 2 such lines. ";
+    assert!(of_used.len() == 1 && of_used[0].contains(second), "{of_used:?}");
 }
 
 /// An MTL file outside the mesh's folder may be somebody else's, so its text is not quoted.
@@ -598,7 +609,7 @@ fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
     }
     let notes = |library: &str, quotes: bool| {
         let reach = Reach { folder: &inner, permitted: Permitted { beyond: true, quotes, scaled: false } };
-        let text = format!("mtllib {library}\n{CORNERS}f 1 2 3\n");
+        let text = format!("mtllib {library}\n{CORNERS}usemtl a\nf 1 2 3\nusemtl secret\nf 1 2 3\n");
         parse("test.obj", reach, text.as_bytes()).unwrap().notes.concat()
     };
     assert!(notes("a.mtl", true).contains("secret"));
