@@ -63,8 +63,8 @@ pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
         .with_help("export the file without compression, for example with `gltf-transform copy` or Blender"))
 }
 
-/// Returns the name of the extension that decompresses vertices into this buffer; `None` if the buffer has a URI, or has
-/// no such extension. Such a buffer stores nothing itself.
+/// Returns the name of the extension that decompresses vertices into this buffer; `None` if the buffer has a URI, or
+/// has no such extension. Such a buffer stores nothing itself.
 fn compression_of(buffer: &Buffer) -> Option<&String> {
     let extensions = buffer.extensions.as_ref().filter(|_| buffer.uri.is_none())?;
     extensions.others.keys().find(|name| is_compression(name))

@@ -75,7 +75,8 @@ impl Files<'_> {
     /// Returns the texture of each material, in the file's order. A material without a texture gets `None`, and so does
     /// a material whose index is not in `used`. If a texture cannot be read, the function adds a note to `notes`; the
     /// material then keeps its own colour or, if the texture is emissive, emits no light. The function also gives the
-    /// emissive textures to `materials`, in the same order, and returns the indices of the textures that cannot be read.
+    /// emissive textures to `materials`, in the same order, and returns the indices of the textures that cannot be
+    /// read.
     pub fn colour_maps(
         self,
         used: &HashSet<usize>,
