@@ -232,6 +232,16 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     if !FORMATS.contains(&format) {
         return Err("is not a PNG, JPEG, BMP or TGA".to_owned());
     }
+    // On an idle core, the check takes no time: it ends before the decoder.
+    let is_jpeg = format == ImageFormat::Jpeg;
+    let (picture, has_damage) = rayon::join(|| decoded_as(bytes, format), || is_jpeg && is_damaged(bytes));
+    let (size, texels, mut unused) = picture?;
+    unused.extend(has_damage.then(|| (Part::Data, String::new())));
+    Ok((size, texels, unused))
+}
+
+/// Decodes a picture of this format.
+fn decoded_as(bytes: &[u8], format: ImageFormat) -> Parsed<Decoded> {
     let damaged = |why: String| format!("cannot be decoded ({why})");
     let mut reader = picture_reader(bytes, Some(format)).map_err(damaged)?;
     let mut limits = Limits::no_limits();
@@ -246,17 +256,8 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     // A decoded texel takes at most 8 bytes. The conversion to four channels of 8 bits takes at most another
     // 8 bytes.
     room_for(size, 16, &Available::read())?;
-    let mut unused = unused_parts(bytes, format, &mut decoder);
-    let mut has_damaged_data = false;
-    // On an idle core, the check takes no time: it ends before the decoder.
-    let picture = rayon::in_place_scope(|scope| {
-        if format == ImageFormat::Jpeg {
-            scope.spawn(|_| has_damaged_data = is_damaged(bytes));
-        }
-        DynamicImage::from_decoder(decoder)
-    });
-    let picture = picture.map_err(decoder_message).map_err(damaged)?;
-    unused.extend(has_damaged_data.then(|| (Part::Data, String::new())));
+    let unused = unused_parts(bytes, format, &mut decoder);
+    let picture = DynamicImage::from_decoder(decoder).map_err(decoder_message).map_err(damaged)?;
     let texels = words(&picture);
     let texels = if format == ImageFormat::Tga { with_tga_alpha(bytes, texels) } else { texels };
     Ok(([width, height], texels, unused))
