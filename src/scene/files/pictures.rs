@@ -29,8 +29,8 @@ const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFor
 
 /// Alphas that are clearly neither transparent nor opaque.
 const PARTIAL_ALPHAS: RangeInclusive<u32> = 16..=239;
-/// The opacity of a mask counts as partial if more than one in this many texels is neither transparent nor opaque, as is
-/// the rest of its square.
+/// The opacity of a mask counts as partial if more than one in this many texels is neither transparent nor opaque, and
+/// nor is any other texel of its square.
 const LEAST_SHARE: usize = 20;
 /// The side of a square in texels is the larger of two numbers: the first, and the shorter side of the picture divided
 /// by the second. Squares are wider than the soft edges of ordinary masks.
