@@ -25,7 +25,7 @@ use crate::image::transform;
 use crate::printer::line;
 use camera::camera;
 use glam::{DVec3, Vec3};
-use lights::{check_lights, lights};
+use lights::{check_lights, lights, note_dark};
 use precision::{default_bias, too_small};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -92,6 +92,9 @@ pub(super) fn assemble(
     let lights = lights(document, &wire, &seen, &camera, ball, studio.as_ref(), notes);
     let seen_from = (wire.camera.upright(), wire.background.is_none());
     let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, seen_from, cache, notes)).transpose()?;
+    if studio.is_none() {
+        notes.extend(note_dark(document, &lights, sky.as_ref(), bounds));
+    }
     let own_triangles = mesh.triangles.len();
     studio.iter().for_each(|studio| add_ground(studio, &wire, &mut mesh, &mut starts));
     let brightness = Brightness::of(&mesh, cache.bounds(&mesh), lights.len(), shadow_bias);

@@ -44,6 +44,14 @@ pub struct Sky {
     pub picture: Option<Arc<SkyPicture>>,
 }
 
+impl Sky {
+    /// Returns true if the radiance from all directions is 0.
+    pub(super) fn is_black(&self) -> bool {
+        let is_black = |picture: &Arc<SkyPicture>| picture.texels.iter().all(|texel| *texel == [0.0; 3]);
+        [self.zenith, self.horizon] == [Vec3::ZERO; 2] && self.picture.as_ref().is_none_or(is_black)
+    }
+}
+
 /// A picture of all directions (equirectangular): columns are angles around the zenith, and rows
 /// are angles from the zenith.
 #[derive(Clone, Debug)]

@@ -10,7 +10,7 @@ use crate::scene::framing::{self, Ball};
 use crate::scene::studio::Studio;
 use crate::scene::validate::{Brightness, check_light};
 use crate::scene::wire::{LightWire, SceneWire};
-use crate::scene::{Area, Camera, Light};
+use crate::scene::{Area, Camera, Light, Sky};
 use glam::Vec3;
 
 /// Returns the lights of a scene. The first of these rules that applies determines the lights:
@@ -20,8 +20,7 @@ use glam::Vec3;
 /// - For a bare mesh whose own file has lights, the lights are those of this file.
 /// - For a bare mesh without a sky, the lights are a key light and a fill light.
 ///
-/// If no rule applies, the function returns no lights. Adds a note if the scene has no sky, and either no light or only
-/// lights of power 0. (In an animation, lights of power 0 cause no note.)
+/// If no rule applies, the function returns no lights. Adds a note if the scene has neither lights nor a sky.
 pub(super) fn lights(
     document: &Document,
     wire: &SceneWire,
@@ -50,14 +49,47 @@ pub(super) fn lights(
                 document.last_line()
             ),
         });
-    } else if wire.sky.is_none()
-        && lights.iter().all(|light| light.power == Vec3::ZERO)
-        && !document.is_animated()
-    {
-        let what = if lights.len() == 1 { "the only light has" } else { "all lights have" };
-        notes.push(format!("{}: {what} power 0, so surfaces that emit no light are black", document.name));
     }
     lights
+}
+
+/// Returns a note if no light and no sky illuminates the mesh, although the scene has a light or a sky: if lights have
+/// power 0 or shine away from the mesh, and the sky's radiance is 0. In an animation, other frames may be lit, so there
+/// is no note. `bounds` is the mesh's bounding box.
+pub(super) fn note_dark(
+    document: &Document,
+    lights: &[Light],
+    sky: Option<&Sky>,
+    bounds: (Vec3, Vec3),
+) -> Option<String> {
+    let is_lit = sky.is_some_and(|sky| !sky.is_black());
+    if is_lit || lights.is_empty() && sky.is_none() || document.is_animated() {
+        return None;
+    }
+    let all = |one, many| if lights.len() == 1 { one } else { many };
+    let is_off = |light: &Light| light.power == Vec3::ZERO;
+    let (why, remedy) = if lights.is_empty() {
+        ("the sky has radiance 0 and there is no light", "")
+    } else if lights.iter().all(is_off) {
+        (all("the only light has power 0", "all lights have power 0"), "")
+    } else if lights.iter().all(|light| is_off(light) || shines_away(light, bounds)) {
+        (
+            all("the only light shines away from all surfaces", "all lights shine away from all surfaces"),
+            "; the order of a light's `edges` decides which side shines",
+        )
+    } else {
+        return None;
+    };
+    Some(format!("{}: {why}, so surfaces that emit no light are black{remedy}", document.name))
+}
+
+/// Returns true if a light has a front, and the whole box `low`..`high` is behind it.
+fn shines_away(light: &Light, (low, high): (Vec3, Vec3)) -> bool {
+    let Some(area) = &light.area else { return false };
+    let front = area.front();
+    // Of all corners of the box, this corner is farthest in the front's direction.
+    let farthest = Vec3::select(front.cmpgt(Vec3::ZERO), high, low);
+    (farthest.as_dvec3() - light.position.as_dvec3()).dot(front.as_dvec3()) <= 0.0
 }
 
 /// Refuses lights of the scene file that have a value out of range, are too bright, or have a shape but no edges. The

@@ -389,7 +389,7 @@ fn room_for(shape: &Shape) -> Result<()> {
 type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
 
 /// Returns the mesh of an object whose vertices and faces are in the scene file itself. Adds the same notes as for a
-/// mesh file: if normals are zero, and if no triangle has an area.
+/// mesh file: if normals are zero, if no face uses most vertices, and if no triangle has an area.
 fn inline(
     document: &Document,
     wire: &ObjectWire,
@@ -429,8 +429,8 @@ fn inline(
     // are converted to the scene's coordinates.
     let placement = Placement { scale: 1.0, ..files::placement_of(used(&mesh, &vertices)) };
     mesh.positions = vertices.into_iter().map(|vertex| placement.apply(vertex).as_vec3()).collect();
-    let own = files::note_normals(&mesh).into_iter().chain(files::invisible(&mesh));
-    notes.extend(own.map(|note| format!("{location}: {note}")));
+    let own = [files::note_normals(&mesh), files::note_points(&mesh, 0), files::invisible(&mesh)];
+    notes.extend(own.into_iter().flatten().map(|note| format!("{location}: {note}")));
     Ok(MeshFile { mesh, placement, ..MeshFile::default() })
 }
 

@@ -1138,6 +1138,9 @@ fn normals_and_faces_in_a_scene_file_cause_the_same_notes_as_those_of_a_mesh_fil
                 its triangle's plane";
     let with_zero = added(&format!("{vertices}normals = [[0, 0, 0], [0, 0, 1], [0, 0, 1]]"));
     assert_eq!(with_zero, [format!("{location}{zero}")]);
+    let unused = "4 vertices that no face uses are not drawn";
+    let more = vertices.replace("]]", &format!("]{}]", ", [5, 5, -3]".repeat(4)));
+    assert_eq!(added(&more), [format!("{location}{unused}")]);
     let nothing = "nothing is visible, since the mesh's only triangle has no area";
     let flat = added("vertices = [[0, 0, -3], [0, 0, -3], [0, 1, -3]]");
     assert!(flat.contains(&format!("{location}{nothing}")), "{flat:?}");
@@ -1406,6 +1409,37 @@ fn a_note_on_lights_without_power_says_whether_there_are_several() {
         let notes = load_scene_with(&path, &[]).unwrap().notes;
         let expected = format!(": {what} power 0, so surfaces that emit no light are black");
         assert!(notes.iter().any(|note| note.ends_with(&expected)), "{notes:?}");
+    }
+}
+
+#[test]
+fn a_scene_that_only_a_black_sky_or_averted_lights_would_light_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
+    let dark = |lights: &str| {
+        std::fs::write(&path, format!("{object}{lights}")).unwrap();
+        let notes = load_scene_with(&path, &[]).unwrap().notes;
+        notes.into_iter().filter(|note| note.contains("so surfaces that emit no light")).collect::<Vec<_>>()
+    };
+    let expected = |why: &str, end: &str| {
+        [format!("{}: {why}, so surfaces that emit no light are black{end}", path.display())]
+    };
+    let black = expected("the sky has radiance 0 and there is no light", "");
+    assert_eq!(dark("[sky]\nzenith = 0\n"), black);
+    assert_eq!(dark("[sky]\nzenith = 0\nhorizon = 0.1\n"), [""; 0]);
+    image::Rgb32FImage::new(2, 1).save(folder.path().join("black.hdr")).unwrap();
+    assert_eq!(dark("[sky]\npicture = \"black.hdr\"\n"), black);
+
+    let area = |edges: &str| format!("[[light]]\nposition = [0, 0, 3]\npower = 9\nedges = [{edges}]\n");
+    let [away, towards] = [area("[1, 0, 0], [0, 1, 0]"), area("[0, 1, 0], [1, 0, 0]")];
+    let end = "; the order of a light's `edges` decides which side shines";
+    assert_eq!(dark(&away), expected("the only light shines away from all surfaces", end));
+    let several = format!("{away}{away}[[light]]\nposition = [0, 0, 3]\npower = 0\n[sky]\nzenith = 0\n");
+    assert_eq!(dark(&several), expected("all lights shine away from all surfaces", end));
+    let beside = area("[0, 0, 1], [0, 1, 0]").replace("0, 0, 3", "0.5, 0, 3");
+    for lit in [towards.clone(), format!("{away}{towards}"), format!("{away}[sky]\nzenith = 1\n"), beside] {
+        assert_eq!(dark(&lit), [""; 0], "{lit}");
     }
 }
 
