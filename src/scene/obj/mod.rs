@@ -35,6 +35,7 @@ use crate::error::{Error, Result};
 use crate::words::counted;
 use coordinates::{Coordinates, Unread};
 use faces::{FaceChunk, FaceContext};
+use flaws::Flaws;
 use glam::Vec3;
 use points::{PointChunk, Reading};
 use rayon::prelude::*;
@@ -124,15 +125,10 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     odd::check_vertices(&odd_vertices, &mesh, source, reach.permitted.scaled, &mut notes)
         .map_err(|mistake| source.error(mistake))?;
     odd::note_normals(&odd_normals, source, &mut notes);
-    if !materials.flaws.is_empty() {
-        let of_used = materials.flaws.notes(&mesh.materials_of_triangles());
-        notes.splice(before_materials..before_materials, of_used);
-    }
+    note_flaws(materials.flaws, &mesh, before_materials, &mut notes);
     let (colours, unused_colours) = VertexColours::of(&points, &starts, &mesh);
     let counts = [mesh.triangles.len(), total.normals - odd_normals.len(), materials.asked.len() - 1];
-    if !notes::have_other_elements(&points) {
-        notes.extend(note_points(&mesh, odd_vertices.len()));
-    }
+    notes.extend(note_unused(&points, &mesh, odd_vertices.len()));
     add_notes(source, &points, &faces, counts, colours.as_ref(), &mut notes);
     unused_colours.add_notes(source, &mut notes);
     notes::of_statements(&points, source.quotes, &mut notes);
@@ -143,11 +139,31 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
         let texture_coordinates = FaceCoordinates { coordinates: Coordinates::joined(coordinates), corners };
         textures::apply(&mut mesh, &materials.maps, &texture_coordinates, reach, &mut of_textures);
     }
-    let smoothing = smoothing::note(faces.iter().map(|chunk| &chunk.smoothing));
-    let mut notes_on: Vec<_> = smoothing.into_iter().map(|note| (Part::SmoothEdges, note)).collect();
-    notes_on.extend(of_textures.into_iter().map(|note| (Part::Textures, note)));
+    let mut notes_on = notes_on(&faces, of_textures);
     notes_on.extend(paint_vertices(&mut mesh, colours));
     Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, notes_on, ..MeshFile::default() }))
+}
+
+/// Inserts notes on lines of MTL files that are not valid, before the note with the index `at`. Materials that no
+/// triangle uses cause no notes.
+fn note_flaws(flaws: Flaws, mesh: &Mesh, at: usize, notes: &mut Vec<String>) {
+    if !flaws.is_empty() {
+        notes.splice(at..at, flaws.notes(&mesh.materials_of_triangles()));
+    }
+}
+
+/// Returns a note on vertices that no face uses, unless lines or points use vertices, which have a note of their own.
+/// `invalid` is the number of vertices that are not valid.
+fn note_unused(points: &[PointChunk], mesh: &Mesh, invalid: usize) -> Option<String> {
+    if notes::have_other_elements(points) { None } else { note_points(mesh, invalid) }
+}
+
+/// Returns the notes on smooth edges and on textures, each with the part of the mesh that it concerns. A scene that leaves
+/// out or replaces the part does not show them.
+fn notes_on(faces: &[FaceChunk], of_textures: Vec<String>) -> Vec<(Part, String)> {
+    let smoothing = smoothing::note(faces.iter().map(|chunk| &chunk.smoothing));
+    let smoothing = smoothing.into_iter().map(|note| (Part::SmoothEdges, note));
+    smoothing.chain(of_textures.into_iter().map(|note| (Part::Textures, note))).collect()
 }
 
 /// Refuses a mesh with 2^31 - 1 or more vertices or normals, so that every index fits into 31 bits.
