@@ -60,13 +60,15 @@ fn unused_angles(document: &Document, wire: &CameraWire) -> Option<String> {
         1 => ("does not turn the camera", "this angle only changes"),
         _ => ("do not turn the camera", "these angles only change"),
     };
-    let note = || {
-        format!(
-            "{location}: the camera's position is set, so {} {turn}; {change} the defaults of `look_at` and of the \
-             field of view",
-            set.join(" and ")
-        )
+    let has_lens = wire.fov_x_degrees.is_some() || wire.fov_y_degrees.is_some();
+    let changed = match (wire.look_at.is_some(), has_lens) {
+        (false, false) => format!("; {change} the defaults of `look_at` and of the field of view"),
+        (false, true) => format!("; {change} the default of `look_at`"),
+        (true, false) => format!("; {change} the default of the field of view"),
+        (true, true) => String::new(),
     };
+    let note =
+        || format!("{location}: the camera's position is set, so {} {turn}{changed}", set.join(" and "));
     (!set.is_empty()).then(note)
 }
 

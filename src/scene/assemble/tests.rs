@@ -1227,17 +1227,19 @@ fn angles_beside_a_position_are_noted() {
         let notes = load_scene_with(&path, &[]).unwrap().notes;
         notes.into_iter().filter(|note| note.contains("the camera's position")).collect::<Vec<_>>()
     };
-    let expected = |angles: &str| {
-        let defaults = "the defaults of `look_at` and of the field of view";
-        format!("{}:4: the camera's position is set, so {angles} {defaults}", path.display())
-    };
+    let expected = |angles: &str| format!("{}:4: the camera's position is set, so {angles}", path.display());
     assert_eq!(
         notes("position = [0, 0, 3]\nazimuth_degrees = 40"),
-        [expected("azimuth_degrees does not turn the camera; this angle only changes")]
+        [expected(
+            "azimuth_degrees does not turn the camera; this angle only changes the defaults of `look_at` and of the \
+             field of view"
+        )]
     );
     let both = "position = [0, 0, 3]\nlook_at = [0, 0, 0]\nazimuth_degrees = 40\nelevation_degrees = 20";
-    let they_do = "azimuth_degrees and elevation_degrees do not turn the camera; these angles only change";
-    assert_eq!(notes(both), [expected(they_do)]);
+    let they_do = "azimuth_degrees and elevation_degrees do not turn the camera";
+    let change = format!("{they_do}; these angles only change the default of the field of view");
+    assert_eq!(notes(both), [expected(&change)]);
+    assert_eq!(notes(&format!("{both}\nfov_y_degrees = 40")), [expected(they_do)]);
     assert_eq!(notes("position = [0, 0, 3]"), [""; 0]);
     assert_eq!(notes("azimuth_degrees = 40\nlook_at = [0, 0, 0]"), [""; 0]);
 }
