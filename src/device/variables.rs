@@ -1,6 +1,6 @@
 //! Lists the environment variables that OpenCL drivers read. A run of `raycl run` stores every one of these
 //! variables that is set. Variables that affect times or pictures are also part of the keys under which
-//! measured points are stored, unless they have a usual value ([`is_usual`]).
+//! measured points are stored, unless they have a usual value (see `outer_loops.rs`).
 
 use super::outer_loops::is_usual;
 use super::threads::{is_set_by_raycl, sets_threads};

@@ -19,7 +19,7 @@ type Codes = Vec<[u8; 2]>;
 
 /// Returns true if the compressed values end too early for the picture's number of blocks, or contain a code that does
 /// not exist. Nearly all losses of many bytes have one of these effects. Bytes that are left after the last block do
-/// not count, since some programs write such bytes. A picture with another kind of frame than [`FRAMES`], or with
+/// not count, since some programs write such bytes. A picture with another kind of frame than `FRAMES`, or with
 /// several scans, is not checked.
 pub fn is_damaged(bytes: &[u8]) -> bool {
     let Some((blocks, mut bits)) = blocks_of(bytes) else { return false };
