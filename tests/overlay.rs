@@ -387,8 +387,8 @@ fn uses(file: &str, cell: &str) -> bool {
     code.match_indices(&format!("{name}(")).any(|(at, _)| !code[..at].ends_with(is_in_word))
 }
 
-/// Returns those of the kernel files `files` that a table's cell lists. A name such as `shading/` stands for all files
-/// of a folder.
+/// Returns the kernel files, out of `files`, that a table's cell names. A name such as `shading/` stands for all files of
+/// a folder.
 fn listed<'a>(cell: &str, files: &'a [String]) -> BTreeSet<&'a str> {
     let mut all = BTreeSet::new();
     for name in named(cell) {

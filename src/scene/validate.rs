@@ -122,7 +122,9 @@ pub(super) fn check_light(light: &Light) -> Result<()> {
 fn check_area(area: &Area, radius: f32) -> Result<()> {
     let [first, second] = area.edges;
     require(radius == 0.0, || {
-        format!("a light has a radius, {radius}, and edges; expected one of them: a ball or a surface")
+        format!(
+            "a light has a radius, {radius}, and edges; expected a radius (the light is a ball) or edges (a flat surface)"
+        )
     })?;
     require(in_range(first) && in_range(second), || {
         format!("a light's edges are {first} and {second}; expected coordinates within +-{MAX_COORDINATE:e}")

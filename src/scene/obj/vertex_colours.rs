@@ -137,7 +137,7 @@ impl VertexColours {
         notes.extend(note_outside(self.list.iter().filter(is_limited).count(), "vertex"));
         let range = || {
             format!(
-                "channels of vertices' colours count as numbers from 0 to 255, since one is {}",
+                "channels of vertices' colours count as 0 to 255, not as 0 to 1, since one of them is {}",
                 self.brightest
             )
         };

@@ -126,7 +126,8 @@ impl Keys {
     }
 }
 
-/// Looks through a value and all values in it. `keys` is the meaning of the value's keys if it is an object.
+/// Looks through a value and all values in it. `keys` is the meaning of the keys of the value, if it is an object, or of
+/// the objects in it, if it is a list.
 struct Walk<'s> {
     survey: &'s mut Survey,
     keys: Keys,
