@@ -1,6 +1,6 @@
 //! Keeps PoCL 7 from adding barriers to the loops of kernels. By default, PoCL 7.0 and 7.1 run each iteration of a
 //! kernel's loop for all work-items of a work-group before the next iteration. In PoCL 7.1, kernels of raycl then read
-//! wrong values if a work-group has more than one work-item, and most of them crash (see docs/reliability.md). Earlier
+//! wrong values if a work-group has more than one work-item, and many of them crash (see docs/reliability.md). Earlier
 //! versions do this only if an environment variable asks for it.
 
 /// The environment variable that decides whether PoCL adds barriers to the loops of kernels without barriers.

@@ -354,12 +354,8 @@ fn a_scene_without_any_light_is_noted() {
 
 #[test]
 fn a_scene_whose_lights_have_no_power_is_noted_unless_an_animation_changes_it() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.toml");
-    let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
-    let is_noted = |more: &str| {
-        std::fs::write(&path, format!("{object}{more}")).unwrap();
-        let notes = load_scene_with(&path, &[]).unwrap().notes;
+    let is_noted = |text: &str| {
+        let notes = loaded(text).unwrap().notes;
         notes.iter().any(|note| note.contains("power 0, so surfaces that emit no light are black"))
     };
     let dark = "[[light]]\nposition = [1, 3, 1]\npower = 0\n";

@@ -58,7 +58,7 @@ impl FileFlaws {
     fn notes(self, used: &[bool]) -> Vec<String> {
         let source = Source { name: &self.name, text: &self.text, quotes: self.quotes };
         let mut all = LineFlaws::default();
-        let of_used = self.materials.into_iter().zip(&used[self.first..]).filter(|(_, used)| **used);
+        let of_used = self.materials.into_iter().zip(used.iter().skip(self.first)).filter(|(_, used)| **used);
         of_used.for_each(|(flaws, _)| all.extend(flaws));
         all.notes(&source)
     }
