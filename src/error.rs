@@ -4,7 +4,7 @@ mod link;
 mod nearest;
 mod quoted;
 
-pub use link::missing_target;
+pub use link::{broken_link, why_unread};
 pub use nearest::{meant, nearest, nearest_file, nearest_file_among, nearest_folder, or_meant};
 use quoted::{SHOWN_LINE_BYTES, boundary, cut_long_lines, printable};
 pub use quoted::{line_of, shortened, shortened_note};
@@ -59,6 +59,8 @@ const ON: &str =
 const ELSEWHERE: &str = "free up space on the file's disk, or choose another folder with --out DIR";
 /// The remedy for a file of results that this process may not write, however much space is free.
 const ELSEWHERE_ONLY: &str = "`--out DIR` writes elsewhere";
+/// The remedy for a file or a folder of results that was removed or moved during a run.
+const MOVED: &str = "if the folder was moved, the results up to now are in the new place: to continue there, use --resume and --out NEW_PLACE. If it was removed, its results are lost. Do not move or remove a folder or its files while a run writes to them";
 /// The remedy for standard output that cannot be written to.
 const FULL: &str = "if standard output is redirected to a file, free up space on the file's disk";
 /// The remedy if this process has too many open files.
@@ -73,6 +75,8 @@ const MORE_PROCESSES: &str =
     "check that enough memory is free, and that `ulimit -u` allows more processes and threads";
 /// The remedy for a compressed file (.gz) that cannot be decompressed.
 const AFRESH: &str = "the file may be cut off or damaged; pack it or download it again";
+/// The remedy for a file or a folder that this process may not read.
+const NO_PERMISSION: &str = "change the permissions of the file, or those of its folder";
 /// The remedy for a bug in raycl.
 const FAULT: &str = "this is a bug in raycl: please report it, together with the command that you ran";
 
@@ -197,9 +201,20 @@ impl Error {
 
     /// Returns an error for a file of results that cannot be written.
     pub fn unwritable(path: &Path, error: &std::io::Error) -> Self {
-        let usual = if is_forbidden(error) { ELSEWHERE_ONLY } else { ELSEWHERE };
+        let usual = match error.kind() {
+            // The file would be made if it was missing, so its folder is missing.
+            std::io::ErrorKind::NotFound => MOVED,
+            _ if is_forbidden(error) => ELSEWHERE_ONLY,
+            _ => ELSEWHERE,
+        };
         Self::run(format!("cannot write {}: {}", path.display(), cause(error)))
             .with_help(limit_advice(error).unwrap_or(usual))
+    }
+
+    /// Returns an error for a file or a folder of results that was removed, moved or replaced during a run.
+    pub fn removed(path: &Path) -> Self {
+        let what = "or its folder was removed or replaced while this run wrote to it";
+        Self::run(format!("{} {what}", path.display())).with_help(MOVED)
     }
 
     /// Returns an error for a process or a thread that could not be started; `what` is its name in the
@@ -287,8 +302,8 @@ impl Error {
 
     /// Returns an error for a file that cannot be read. If the file is missing and its folder has a file with
     /// a similar name, the remedy names that file. If the file is compressed (.gz) and cannot be
-    /// decompressed, the remedy says that the file may be damaged. If the file's text is not UTF-8, the
-    /// message gives the line. If none of the causes above applies, the remedy is the text `otherwise`.
+    /// decompressed, the remedy says that the file may be damaged. If this process may not read the file, the remedy
+    /// names the permissions. If the file's text is not UTF-8, the message gives the line. If none of the causes above applies, the remedy is the text `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
         Self::unreadable_among((what, path), error, |_| true, otherwise)
     }
@@ -329,18 +344,15 @@ impl Error {
         otherwise: &str,
     ) -> Self {
         let is_missing = error.kind() == std::io::ErrorKind::NotFound && path.as_os_str() != STANDARD_INPUT;
-        if let Some(target) = missing_target(path).filter(|_| is_missing) {
-            let message = format!(
-                "the {what} `{}` is a link to `{}`, which is missing",
-                path.display(),
-                target.display()
-            );
-            return Self::input(message).with_help("restore the link's target, or give another path");
+        if let Some(link) = is_missing.then(|| broken_link(path)).flatten() {
+            return Self::input(format!("the {what} `{}` {link}", path.display()))
+                .with_help("restore the link's target, or give another path");
         }
         let meant = is_missing.then(|| nearest(path)).flatten();
         let remedy = match meant {
             Some(meant) => format!("did you mean `{}`?", meant.display()),
             None if Damaged::caused(error) => AFRESH.to_owned(),
+            None if error.kind() == std::io::ErrorKind::PermissionDenied => NO_PERMISSION.to_owned(),
             None => otherwise.to_owned(),
         };
         Self::input(format!("cannot read the {what} `{}`: {error}", path.display())).with_help(remedy)
@@ -414,7 +426,8 @@ mod tests {
         };
         let meant = format!("did you mean `{}`?", there.display());
         assert_eq!(remedy(&missing, ErrorKind::NotFound), meant);
-        assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), "other");
+        assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), NO_PERMISSION);
+        assert_eq!(remedy(&missing, ErrorKind::InvalidInput), "other");
         let among = |fits: fn(&Path) -> bool| {
             let error = std::io::Error::from(ErrorKind::NotFound);
             Error::unreadable_among(("scene", &missing), &error, fits, "other").remedy().to_owned()
@@ -519,7 +532,7 @@ mod tests {
     #[test]
     fn each_kind_of_error_has_its_exit_code_words_and_remedy() {
         let unwritable = |error: &std::io::Error| Error::unwritable(Path::new("a.csv"), error);
-        let forbidden = std::io::ErrorKind::PermissionDenied;
+        let [forbidden, missing] = [std::io::ErrorKind::PermissionDenied, std::io::ErrorKind::NotFound];
         for (error, code, words, remedy) in [
             (Error::input("a"), 2, "a", "`raycl help COMMAND`"),
             (Error::run("a"), 1, "a", "run the command again; `raycl devices`"),
@@ -532,6 +545,12 @@ mod tests {
                 "free up space on the file's",
             ),
             (unwritable(&forbidden.into()), 1, "cannot write a.csv: permission denied", "`--out DIR` writes"),
+            (
+                unwritable(&missing.into()),
+                1,
+                "cannot write a.csv: entity not found",
+                "if the folder was moved, ",
+            ),
             (Error::withheld("a.mtl", 7, "b"), 2, "a.mtl:7: b", "the file's text is not shown"),
         ] {
             assert_eq!((error.exit_code(), error.to_string().as_str()), (code, words));

@@ -13,7 +13,7 @@ use toml::Spanned;
 use crate::cache;
 use crate::cli::colour::Colour;
 use crate::device_lock;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, broken_link};
 use crate::experiment::check_moved_samples;
 use crate::reader::{self, Kind};
 use crate::toml_error::toml_error;
@@ -95,15 +95,7 @@ fn refuse_other_than_utf8(name: &str, value: Option<OsString>) -> Result<()> {
 fn read(path: &Path) -> Result<Settings> {
     let text = match reader::text(path, Kind::Toml) {
         Ok(text) => text,
-        Err(error) if is_out_of_reach(&error, path.symlink_metadata()) => return Ok(Settings::default()),
-        Err(error) => {
-            return Err(Error::unreadable(
-                "settings",
-                path,
-                &error,
-                "make it a readable TOML file, or remove it",
-            ));
-        }
+        Err(error) => return without_text(path, &error),
     };
     let name = path.display().to_string();
     let wire: Wire = from_text(&text).map_err(|error| toml_error(&name, &text, &error, KEYS))?;
@@ -120,6 +112,19 @@ fn read(path: &Path) -> Result<Settings> {
             .map_err(|message| settings.error(results, message).with_help(FOLDER))?;
     }
     Ok(settings)
+}
+
+/// Returns the settings of a user without a settings file. Returns an error if there is a settings file, which `error`
+/// prevented from being read, or if the file or its folder is a link whose target is missing.
+fn without_text(path: &Path, error: &IoError) -> Result<Settings> {
+    if let Some((link, why)) = path.ancestors().take(2).find_map(|link| Some((link, broken_link(link)?))) {
+        return Err(Error::input(format!("your settings: {} {why}", link.display()))
+            .with_help("restore the link's target, or remove the link"));
+    }
+    if is_out_of_reach(error, path.symlink_metadata()) {
+        return Ok(Settings::default());
+    }
+    Err(Error::unreadable("settings", path, error, "make it a readable TOML file, or remove it"))
 }
 
 /// Returns true if `error`, from opening the settings file, means that this user has no settings file. The
@@ -224,6 +229,25 @@ mod tests {
         assert!(is_out_of_reach(&denied(), Err(denied())));
         assert!(!is_out_of_reach(&denied(), known()));
         assert!(!is_out_of_reach(&IoError::from(ErrorKind::IsADirectory), known()));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_or_a_folder_that_is_a_broken_link_is_a_mistake() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().expect("a folder");
+        let [own, gone] = ["own", "gone"].map(|name| folder.path().join(name).join("config.toml"));
+        std::fs::create_dir(folder.path().join("own")).expect("a folder");
+        symlink("nothing.toml", &own).expect("a link");
+        symlink("nowhere", folder.path().join("gone")).expect("a link");
+        for (path, part) in
+            [(&own, "config.toml is a link to `nothing.toml`"), (&gone, "gone is a link to `nowhere`")]
+        {
+            let error = read(path).expect_err("a broken link");
+            assert!(error.to_string().ends_with(&format!("{part}, which is missing")), "{error}");
+            assert!(error.remedy().ends_with("remove the link"), "{}", error.remedy());
+        }
+        assert!(read(&folder.path().join("none/config.toml")).expect("no settings").text.is_empty());
     }
 
     #[cfg(unix)]

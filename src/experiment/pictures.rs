@@ -1,6 +1,6 @@
 //! Saves the pictures of a run in the folder `images/` of its folder of results.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::{Radiance, picture_reader, save, save_rgb8, to_rgb8, to_rgba8};
 use crate::output::Target;
 use crate::record::file_name;
@@ -39,7 +39,7 @@ impl Pictures {
         }
         let shown = to_rgba8(image, display).unwrap_or_else(|| opaque(to_rgb8(image, display)));
         let path = self.free_path(names, &shown, &hash);
-        save(image, display, &Target::of_results(self.folder.join(&path)))?;
+        save(image, display, &self.target(&path)?)?;
         self.saved.insert(hash, path.clone());
         Ok(path)
     }
@@ -49,8 +49,18 @@ impl Pictures {
     /// Returns the file's path.
     pub fn drawing(&self, name: &str, drawn: &RgbImage) -> Result<String> {
         let path = self.free_path(&[name], &opaque(drawn.clone()), &blake3::hash(drawn.as_raw()));
-        save_rgb8(drawn, &Target::of_results(self.folder.join(&path)))?;
+        save_rgb8(drawn, &self.target(&path)?)?;
         Ok(path)
+    }
+
+    /// Returns the target for a picture with this path. Returns an error if the folder of pictures, which the run has
+    /// made, was removed.
+    fn target(&self, path: &str) -> Result<Target> {
+        let file = self.folder.join(path);
+        match file.parent() {
+            Some(folder) if !folder.is_dir() => Err(Error::removed(folder)),
+            _ => Ok(Target::of_results(file)),
+        }
     }
 
     /// Returns the path for the first free name of `names`. If no name is free, the picture's hash is added to the last
@@ -70,9 +80,8 @@ impl Pictures {
     /// Returns the path of the picture's file.
     pub fn picture_once(&self, name: &str, make: impl FnOnce() -> RgbImage) -> Result<String> {
         let path = path_of(name);
-        let file = self.folder.join(&path);
-        if !file.exists() {
-            save_rgb8(&make(), &Target::of_results(file))?;
+        if !self.folder.join(&path).exists() {
+            save_rgb8(&make(), &self.target(&path)?)?;
         }
         Ok(path)
     }
@@ -111,6 +120,18 @@ mod tests {
             assert!(folder.path().join(path).is_file(), "{path}");
         }
         assert_eq!(paths[0], path_of(&format!("{long}a")), "the name is the same in every process");
+    }
+
+    #[test]
+    fn a_folder_of_pictures_that_was_removed_during_the_run_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let images = folder.path().join("images");
+        let error = Pictures::of(folder.path()).drawing("a", &RgbImage::new(1, 1)).unwrap_err();
+        let what = "or its folder was removed or replaced while this run wrote to it";
+        assert_eq!((error.to_string(), error.exit_code()), (format!("{} {what}", images.display()), 1));
+        assert!(error.remedy().contains("If it was removed, its results are lost"), "{}", error.remedy());
+        std::fs::create_dir(images).unwrap();
+        assert!(Pictures::of(folder.path()).drawing("a", &RgbImage::new(1, 1)).is_ok());
     }
 
     /// A picture with the hash of a verified picture is not verified again, so different pictures must have

@@ -74,10 +74,7 @@ impl<T: Serialize + DeserializeOwned> JsonLines<T> {
     /// say whether the file is still at its path, returns no error, since lines can still be appended.
     pub fn check_place(&self) -> Result<()> {
         match existing::still_leads_to(&self.path, &self.file) {
-            Ok(false) if self.is_recognised => {
-                let what = "or its folder was removed or replaced while this run wrote to it";
-                Err(Error::run(format!("{} {what}", self.path.display())).with_help(MOVED))
-            }
+            Ok(false) if self.is_recognised => Err(Error::removed(&self.path)),
             _ => Ok(()),
         }
     }
@@ -177,9 +174,6 @@ impl<T> Lines<T> {
     }
 }
 
-/// The advice in an error about a journal that was removed or replaced during a run, alone or with its
-/// folder.
-const MOVED: &str = "if the folder was moved, the results up to now are in the new place: to continue there, use --resume and --out NEW_PLACE. Do not move or remove a folder or its files while a run writes to them";
 /// The advice in an error about a folder or a file that contains no results.
 pub(super) const FOLDER: &str = "give the path of a folder that `raycl run` wrote, such as results/quick";
 
@@ -477,7 +471,8 @@ mod tests {
         let error = journal.check_place().unwrap_err();
         let what = "or its folder was removed or replaced while this run wrote to it";
         let expected = format!("{} {what}", folder.join("records.jsonl").display());
-        assert_eq!((error.to_string(), error.remedy(), error.exit_code()), (expected, MOVED, 1));
+        assert_eq!((error.to_string(), error.exit_code()), (expected, 1));
+        assert!(error.remedy().starts_with("if the folder was moved, "), "{}", error.remedy());
         std::fs::create_dir(&folder).unwrap();
         std::fs::write(folder.join("records.jsonl"), "").unwrap();
         assert!(journal.check_place().is_err(), "it is another file");

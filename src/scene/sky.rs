@@ -2,6 +2,7 @@
 //! picture.
 
 use super::{INPUTS, files};
+use crate::error::why_unread;
 use crate::filetype::FileType;
 use crate::image::{
     HdrExposure, check_channels, decoder_message, exr_rest, header_remarks, unread_channels,
@@ -113,8 +114,7 @@ impl SkyPicture {
     /// read. The text of an error continues a sentence that begins with the file's name.
     pub(super) fn read(path: &Path) -> Result<FileTexels, String> {
         INPUTS.add(path);
-        let bytes =
-            reader::bytes(path, Kind::Texture).map_err(|error| format!("cannot be read ({error})"))?;
+        let bytes = reader::bytes(path, Kind::Texture).map_err(|error| why_unread(path, &error))?;
         Self::decoded(&with_usual_signature(bytes), &Available::read())
     }
 

@@ -13,7 +13,10 @@ use std::path::Path;
 /// unchanged.
 pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     let command = resuming(args, out, &deciding_variables(&args.device));
-    error.to_be_continued(format!("to continue from here: {command}"))
+    // If the folder was removed during the run, nothing is left to continue.
+    let is_removed = matches!(error, Error::Run { .. }) && !out.is_dir();
+    let purpose = if is_removed { "to begin again" } else { "to continue from here" };
+    error.to_be_continued(format!("{purpose}: {command}"))
 }
 
 /// Returns the environment variables that decide what a command measures, each as `NAME=VALUE`: raycl's own
@@ -164,11 +167,13 @@ mod tests {
 
     #[test]
     fn a_run_that_failed_keeps_its_remedy_and_a_mistake_is_not_to_be_continued() {
-        let remedy_of =
-            |error: Error| say_how_to_resume(error, &args(&["a.toml"]), Path::new("b")).remedy().to_owned();
-        let again = resuming(&args(&["a.toml"]), Path::new("b"), &deciding_variables(&[]));
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let remedy_of = |error: Error| say_how_to_resume(error, &args(&["a.toml"]), out).remedy().to_owned();
+        let again = resuming(&args(&["a.toml"]), out, &deciding_variables(&[]));
         let command = format!("to continue from here: {again}");
-        assert!(again.ends_with("raycl run a.toml --out b --resume"), "{again}");
+        let gone = say_how_to_resume(Error::run("full"), &args(&["a.toml"]), Path::new("b"));
+        assert!(gone.remedy().contains("\nto begin again: ") && gone.remedy().ends_with(" --out b --resume"));
         assert_eq!(remedy_of(Error::run("full").with_help("make room")), format!("make room\n{command}"));
         assert_eq!(remedy_of(Error::interrupted("half")), command);
         assert_eq!(remedy_of(Error::input("no").with_help("correct it")), "correct it");

@@ -1,7 +1,7 @@
 //! Makes the mesh of one `[[object]]` from a mesh file, a generated shape or inline triangles. Then
 //! transforms the mesh and sets its materials.
 
-use crate::error::{Error, Result, missing_target, nearest_file_among, or_meant};
+use crate::error::{Error, Result, broken_link, nearest_file_among, or_meant};
 use crate::filetype::{MeshFormat, Opened, Wanted};
 use crate::memory::Available;
 use crate::reader::lies_in;
@@ -274,10 +274,8 @@ fn no_mesh(document: &Document, file: &Spanned<String>, path: &Path) -> Error {
         (_, true) => {
             (format!("`{name}` is a pipe or a device; expected a mesh file"), "not an ordinary file")
         }
-        (_, false) => match missing_target(path) {
-            Some(target) => {
-                (format!("`{name}` is a link to `{}`, which is missing", target.display()), "a broken link")
-            }
+        (_, false) => match broken_link(path) {
+            Some(link) => (format!("`{name}` {link}"), "a broken link"),
             None => (format!("no mesh file `{name}`"), "not found"),
         },
     };

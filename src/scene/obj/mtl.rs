@@ -11,7 +11,7 @@ use super::text::{
 use super::textures::{Factor, Map, Maps, paths, picture};
 use super::values::{self, Unfit};
 use super::wishes;
-use crate::error::Result;
+use crate::error::{Result, why_unread};
 use crate::filetype::{FileType, Foreign, MTL};
 use crate::reader::{self, Kind, lies_in};
 use crate::scene::INPUTS;
@@ -249,7 +249,6 @@ impl Reach<'_> {
     /// file, if it is not an ordinary file, or if the mesh may not read it. Adds the file to [`INPUTS`], unless the
     /// mesh may not read it.
     pub(in crate::scene) fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
-        let unreadable = |error| format!("cannot be read ({error})");
         let named = self.path(name);
         let path = named.canonicalize();
         if path.as_ref().is_ok_and(|path| !self.permits(path)) {
@@ -260,7 +259,16 @@ impl Reach<'_> {
             Ok(path) if path.is_dir() => Err("is a folder".to_owned()),
             // Reading a pipe or a device may never end.
             Ok(path) if !path.is_file() => Err("is not an ordinary file".to_owned()),
-            path => path.map_err(unreadable),
+            path => path.map_err(|error| self.why_unread(&named, &error)),
+        }
+    }
+
+    /// Returns why the file at `path` could not be read. If the file is a broken link, the text names the link's target
+    /// only if messages may quote the mesh, and if the mesh may read files of the link's folder.
+    fn why_unread(&self, path: &Path, error: &std::io::Error) -> String {
+        match self.permitted.quotes && self.permits(&path.with_file_name(".")) {
+            true => why_unread(path, error),
+            false => format!("cannot be read ({error})"),
         }
     }
 
@@ -553,6 +561,33 @@ mod tests {
             notes[1].starts_with("1 material named by `usemtl` is defined in no MTL file: "),
             "{notes:?}"
         );
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_broken_link_is_named_with_its_target_only_where_the_mesh_may_read_it_and_be_quoted() {
+        use std::os::unix::fs::symlink;
+        let outer = tempfile::tempdir().unwrap();
+        let folder = outer.path().join("mesh");
+        std::fs::create_dir(&folder).unwrap();
+        symlink("gone.mtl", folder.join("m.mtl")).unwrap();
+        symlink("secret.mtl", outer.path().join("m.mtl")).unwrap();
+        std::fs::write(folder.join("t.mtl"), "newmtl paint\nmap_Kd w.png\n").unwrap();
+        symlink("gone.png", folder.join("w.png")).unwrap();
+        let note = |library: &str, quotes: bool| {
+            let permitted = Permitted { beyond: false, quotes, scaled: false };
+            let text = format!("mtllib {library}\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+            let mut file = parse("a.obj", Reach { folder: &folder, permitted }, text.as_bytes()).unwrap();
+            file.keep_notes(|_| true);
+            file.notes.swap_remove(0)
+        };
+        let own = note("m.mtl", true);
+        assert!(own.starts_with("MTL file `m.mtl` is a link to `gone.mtl`, which is missing: its "), "{own}");
+        let texture = note("t.mtl", true);
+        assert!(texture.contains("texture `w.png` is a link to `gone.png`, which is missing: "), "{texture}");
+        for hidden in [note("m.mtl", false), note("t.mtl", false), note("../m.mtl", true)] {
+            assert!(hidden.contains(" cannot be read ("), "{hidden}");
+        }
     }
 
     #[test]
