@@ -15,6 +15,7 @@ use crate::scene::{Mapped, Mesh, Textures, Wrap};
 use crate::words::counted;
 use glam::Vec3;
 use std::collections::HashMap;
+use std::path::PathBuf;
 
 /// Options of `map_Kd`, `map_d` and `map_Ke` that raycl ignores, and that have one argument each.
 const OF_ONE_WORD: [&[u8]; 9] =
@@ -98,7 +99,7 @@ impl Maps {
         let (of_colour, of_mask) = (Usage::colour(wrap), Usage::mask(wrap, LEAST_ALPHA));
         let own = ["texture", "its material's own colour is used"];
         let colour = load(pictures, self.colour.as_ref(), of_colour, own);
-        let used = self.mask.as_ref().filter(|mask| !self.is_opaque_colour(mask, colour, pictures));
+        let used = self.mask.as_ref().filter(|mask| !self.is_opaque_colour(mask, colour, reach, pictures));
         let mask = load(pictures, used, of_mask, ["mask", "its surface has no holes"]);
         let dark = "its surface emits no light, unless the scene sets `emitted`";
         let emission = load(pictures, self.emission.as_ref(), of_colour, ["emission texture", dark]);
@@ -117,12 +118,18 @@ impl Maps {
         all.iter().any(Option::is_some).then_some(LoadedMaps { mapping, all, is_whitened })
     }
 
-    /// Returns true, and records that `mask` is not used, if it names the picture of `map_Kd`, and this picture is
-    /// opaque. A program that writes the same name twice means the picture's alpha, and not that dark colours are
-    /// holes. `colour` is the index of the colour texture in `Pictures::list`; `None` if the texture was not read.
-    fn is_opaque_colour(&self, mask: &Map, colour: Option<u32>, pictures: &mut Pictures) -> bool {
-        let names_colour = self.colour.as_ref().is_some_and(|colour| colour.name() == mask.name());
-        let is_opaque = names_colour && colour.is_some_and(|number| pictures.is_opaque(number));
+    /// Returns true, and records that `mask` is not used, if it names the file of `map_Kd`, perhaps by another path, and
+    /// this picture is opaque. A program that names the same picture twice means the picture's alpha, and not that dark
+    /// colours are holes. `colour` is the index of the colour texture in `Pictures::list`; `None` if the texture was not read.
+    fn is_opaque_colour(
+        &self,
+        mask: &Map,
+        colour: Option<u32>,
+        reach: Reach<'_>,
+        pictures: &mut Pictures,
+    ) -> bool {
+        let Some((map, number)) = self.colour.as_ref().zip(colour) else { return false };
+        let is_opaque = map.located(reach) == mask.located(reach) && pictures.is_opaque(number);
         if is_opaque {
             pictures.leave_out_mask(mask.name());
         }
@@ -288,6 +295,11 @@ impl Map {
     /// Returns the [`paths`] at which raycl looks for the picture.
     fn paths(&self) -> impl Iterator<Item = String> {
         paths(&self.named, &self.folder)
+    }
+
+    /// Returns the first file of [`Self::paths`] that the mesh may read, after following links.
+    fn located(&self, reach: Reach<'_>) -> Option<PathBuf> {
+        self.paths().find_map(|path| reach.locate(&path).ok())
     }
 
     /// Returns the settings that place the picture on a triangle: scale, offset and wrap mode.
