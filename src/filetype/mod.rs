@@ -82,8 +82,12 @@ impl MeshFormat {
 
 /// Returns true if a file's extension is that of a scene file or a mesh. A final `.gz` is ignored.
 pub fn may_be_scene(path: &Path) -> bool {
-    let is_toml = unpacked_name(path).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
-    is_toml || MeshFormat::from_ending(path).is_some()
+    is_toml(path) || MeshFormat::from_ending(path).is_some()
+}
+
+/// Returns true if the file's extension, without that of a packed file, is `.toml`.
+fn is_toml(path: &Path) -> bool {
+    unpacked_name(path).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
 }
 
 /// Returns the path without a final `.gz`.

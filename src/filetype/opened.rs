@@ -1,6 +1,6 @@
 //! A file that was opened, and whose type was recognised. A packed file (gzip) is unpacked.
 
-use super::{FileType, Foreign, JSON, MeshFormat, UNKNOWN, endings, signatures, stl, text};
+use super::{FileType, Foreign, JSON, MeshFormat, UNKNOWN, endings, is_toml, signatures, stl, text};
 use crate::memory::Available;
 use crate::reader::{self, Damaged, Kind, is_standard_input};
 use crate::words::counted;
@@ -118,9 +118,9 @@ fn check_rest(rest: impl BufRead) -> io::Result<()> {
 /// triangles in its header. A binary file that matches no known type is STL if its name ends in `.stl`, or if
 /// the file begins with triangles and is cut off. The STL reader then reports the error. A JSON file without
 /// keys of glTF in `head` is glTF if its name ends in `.gltf` and more bytes follow, since the later bytes
-/// may contain the keys. If the contents do not show the format, the file's extension may name a format that raycl
-/// does not read. A text that matches no known type may also be recognised as a list of numbers, such as the
-/// coordinates of points.
+/// may contain the keys. A file whose name ends in `.toml` is not JSON: the reader of TOML reports its mistake. If the
+/// contents do not show the format, the file's extension may name a format that raycl does not read. A text that
+/// matches no known type may also be recognised as a list of numbers, such as the coordinates of points.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     if of_contents == FileType::Unclear {
@@ -137,6 +137,8 @@ fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     match MeshFormat::from_ending(path) {
         Some(MeshFormat::Stl) if name == UNKNOWN => FileType::Mesh(MeshFormat::Stl),
         Some(MeshFormat::Gltf) if name == JSON && has_more => FileType::Mesh(MeshFormat::Gltf),
+        // TOML may lack the bracket at the end of its first line.
+        None if name == JSON && is_toml(path) => FileType::Unclear,
         _ if name == UNKNOWN && stl::is_cut_off(head, length) => FileType::Mesh(MeshFormat::Stl),
         _ => of_contents,
     }
@@ -193,6 +195,8 @@ mod tests {
         assert_eq!(of(&whole, "A.GLTF"), FileType::Mesh(MeshFormat::Gltf));
         assert_eq!(of(&whole, "a.json"), json);
         assert_eq!(of(r#"{"nodes":[]}"#, "a.gltf"), json);
+        assert_eq!(of("[camera\n", "a.toml"), FileType::Unclear);
+        assert_eq!(of("[1, 2]", "a"), json);
     }
 
     /// When a file that is not packed is opened, only its first bytes are read. This test checks that `bytes` also
