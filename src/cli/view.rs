@@ -4,6 +4,7 @@ use super::choice::{parse_seconds, whole};
 use super::subject::Subject;
 use super::watch::{Watched, folders};
 use crate::error::{Error, Result};
+use crate::printer;
 use crate::scene::INPUTS;
 use crate::view::screen::{Graphics, Screen, Terminal, Window};
 use crate::view::{Live, Total, Until, Viewer, keys};
@@ -11,6 +12,9 @@ use crate::words::counted;
 use serde::Serialize;
 use std::io::IsTerminal as _;
 use std::time::Duration;
+
+/// The note on a view that neither a key nor a limit can end.
+const ENDLESS: &str = "note: raycl reads no keys, since standard input or standard output is not a terminal: end the view with Ctrl-C, or limit it with --frames or --seconds";
 
 /// Arguments of `raycl view`.
 #[derive(Debug, clap::Args)]
@@ -47,6 +51,12 @@ impl Args {
     /// Returns true if the pictures are shown in the terminal.
     pub(super) fn uses_terminal(&self) -> bool {
         self.terminal.is_some()
+    }
+
+    /// Returns a note if neither a key nor a limit can end the view. `reads_keys` is true if raycl reads keys.
+    fn without_end(&self, reads_keys: bool) -> Option<&'static str> {
+        let has_end = reads_keys || self.frames.is_some() || self.seconds.is_some();
+        (!has_end && !self.quiet && !self.json).then_some(ENDLESS)
     }
 
     /// Returns true if raycl writes the pictures to standard output, and standard output is a pipe or a file.
@@ -107,6 +117,7 @@ struct Report {
 pub fn run(args: Args) -> Result<()> {
     if let Some(graphics) = args.terminal {
         let terminal = Terminal::open(graphics)?;
+        args.without_end(terminal.is_interactive()).into_iter().for_each(printer::tell);
         let [width, height] = terminal.room();
         let subject = Subject { width, height, ..args.subject };
         return show(Args { subject, ..args }, terminal);
@@ -225,6 +236,24 @@ mod tests {
             rays_per_s: is_timed.then_some(4e6),
             notes: notes.iter().map(|&note| note.to_owned()).collect(),
         })
+    }
+
+    #[test]
+    fn a_view_that_neither_a_key_nor_a_limit_can_end_has_a_note() {
+        #[derive(clap::Parser)]
+        struct Command {
+            #[command(flatten)]
+            args: Args,
+        }
+        let is_noted = |options: &[&str], reads_keys| {
+            let words = [&["view", "a.obj", "--terminal"], options].concat();
+            <Command as clap::Parser>::parse_from(words).args.without_end(reads_keys).is_some()
+        };
+        assert!(is_noted(&[], false) && is_noted(&["--spin"], false));
+        assert!(!is_noted(&[], true));
+        for options in [&["--frames", "1"][..], &["--seconds", "1"], &["--quiet"], &["--json"]] {
+            assert!(!is_noted(options, false), "{options:?}");
+        }
     }
 
     #[test]

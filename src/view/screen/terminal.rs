@@ -88,6 +88,11 @@ impl Terminal {
         }
     }
 
+    /// Returns true if a user can press keys.
+    pub fn is_interactive(&self) -> bool {
+        self.is_interactive
+    }
+
     /// Returns the size of a picture that fills the terminal, pixels across and down.
     pub fn room(&self) -> [u32; 2] {
         room(self.graphics, self.cells, self.cell_pixels)
