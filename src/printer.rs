@@ -112,6 +112,12 @@ pub(crate) fn muted<T>(work: impl FnOnce() -> T) -> T {
     work()
 }
 
+/// Returns `work` for another thread: [`tell`] prints nothing during `work` if it prints nothing in this thread now.
+pub(crate) fn muted_as_here<T>(work: impl FnOnce() -> T) -> impl FnOnce() -> T {
+    let is_muted = IS_MUTED.get();
+    move || if is_muted { muted(work) } else { work() }
+}
+
 /// Prints a line to standard error, unless this thread is muted. If printing fails, the command continues.
 pub fn tell(text: impl std::fmt::Display) {
     tell_to(&mut std::io::stderr(), text);
@@ -146,6 +152,15 @@ mod tests {
             out
         };
         assert_eq!((told(), muted(told)), (b"a note\n".to_vec(), Vec::new()));
+    }
+
+    #[test]
+    fn another_thread_is_muted_as_the_thread_that_starts_it() {
+        let of_another = || {
+            let work = muted_as_here(|| IS_MUTED.get());
+            std::thread::scope(|scope| scope.spawn(work).join().unwrap())
+        };
+        assert_eq!((of_another(), muted(of_another)), (false, true));
     }
 
     #[test]

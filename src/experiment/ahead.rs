@@ -17,6 +17,7 @@ use crate::accel::FINGERPRINT;
 use crate::clock::{LOOK_UP, ms_since};
 use crate::device_lock::LockName;
 use crate::error::{Error, Result};
+use crate::printer::muted_as_here;
 use crate::program::ProgramCache;
 use crate::threads::locked;
 use crate::words::counted;
@@ -174,7 +175,7 @@ impl Ahead {
             let count = builders.len();
             for (number, builder) in builders.into_iter().enumerate() {
                 let serve = move || self.serve([number, count], builder, &Patience { limit, interrupted });
-                let started = std::thread::Builder::new().spawn_scoped(scope, serve);
+                let started = std::thread::Builder::new().spawn_scoped(scope, muted_as_here(serve));
                 started.map_err(|error| Error::no_thread(&error))?;
             }
             Ok(work())

@@ -11,6 +11,7 @@ use super::supervisor::Supervisor;
 use super::taken::Taken;
 use super::waiting::Spawner;
 use crate::error::{Error, Result};
+use crate::printer::muted_as_here;
 use crate::record::{AnchorSample, LaunchEnd, Record, RoundLoad};
 use crate::threads::locked;
 use std::sync::Mutex;
@@ -45,7 +46,8 @@ pub fn measure_spread(
         let threads: Vec<_> = spawners
             .into_iter()
             .map(|(device, mut spawner)| {
-                Builder::new().spawn_scoped(scope, move || work(kernels, device, spawner.as_mut()))
+                let work = muted_as_here(move || work(kernels, device, spawner.as_mut()));
+                Builder::new().spawn_scoped(scope, work)
             })
             .collect();
         let ended = threads.into_iter().map(|thread| {
