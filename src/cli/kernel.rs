@@ -91,6 +91,9 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("{head}{}{foot}", reading.text).trim_end())
 }
 
+/// The remedy if the strategy cannot cast the scene.
+const OTHERS: &str = "choose another strategy, --local-size or --scene";
+
 /// Returns the program as the device's compiler sees it. Returns an error if the device does not support the
 /// strategy with this workload.
 fn on_device(
@@ -101,7 +104,7 @@ fn on_device(
 ) -> Result<Preprocessed> {
     Requirements::check(strategy, workload, &device.info.limits).map_err(|infeasible| {
         let refused = Refused::Device(infeasible).into_error(&device.info);
-        refused.with_help("choose another --local-size or --scene")
+        refused.with_help(OTHERS)
     })?;
     preprocess_for(&Queue::open(device)?, spec)
 }
@@ -118,6 +121,7 @@ fn workload(args: &Args, strategy: &Strategy, device: Option<&Device>) -> Result
     let local_size = args.local_size.unwrap_or(usual);
     let Some(path) = &args.scene else { return Ok(Workload { local_size, ..Workload::CUBE }) };
     let scene = load_scene(path)?.scene;
-    let stack_size = stack_size(&scene.mesh, strategy).map_err(|refused| refused.into_host_error())?;
+    let refused = |refused: Refused| refused.into_host_error().with_help(OTHERS);
+    let stack_size = stack_size(&scene.mesh, strategy).map_err(refused)?;
     Ok(Workload { stack_size, ..Workload::of(&scene, Workload::CUBE.image_size, local_size) })
 }
