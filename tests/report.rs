@@ -357,6 +357,28 @@ fn a_compared_picture_is_never_replaced_by_the_differences() {
     assert!(read() == before, "a picture was changed");
 }
 
+#[test]
+fn one_of_two_compared_pictures_may_come_from_standard_input() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.png");
+    image::RgbImage::from_pixel(4, 3, image::Rgb([100; 3])).save(&path).expect("it saves");
+    let compared = |pictures: [&str; 2]| {
+        let input = std::fs::File::open(&path).expect("a picture");
+        let mut command = crate::binary::program();
+        let output = command.arg("compare-images").args(pictures).stdin(input).output().expect("it runs");
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    let name = path.to_str().expect("UTF-8");
+    for pictures in [["-", name], [name, "-"]] {
+        let (code, said, complaint) = compared(pictures);
+        assert_eq!((code, said.trim()), (Some(0), "equal in all 12 pixels"), "{complaint}");
+    }
+    let (code, _, complaint) = compared(["-", "-"]);
+    assert_eq!(code, Some(2), "{complaint}");
+    assert!(complaint.contains("standard input can only be read once"), "{complaint}");
+}
+
 /// Checks that a command overwrites neither a file that raycl did not make nor one that was changed after
 /// raycl made it, except with `--force`.
 fn keeps_what_was_changed(command: &[&str], out: &Path, name: &str) {

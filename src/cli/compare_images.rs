@@ -6,6 +6,7 @@ use crate::image::{
     relative_difference, save_rgb8,
 };
 use crate::output::{Choice, Target};
+use crate::reader::is_standard_input;
 use crate::scene::Inputs;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -15,12 +16,13 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   raycl compare-images teapot.png reference.png
   raycl compare-images teapot.exr reference.exr --output difference.png
-  raycl compare-images teapot.png reference.png --fail-below 40")]
+  raycl compare-images teapot.png reference.png --fail-below 40
+  raycl render teapot.toml -o - --quiet | raycl compare-images - reference.png")]
 pub struct Args {
-    /// The picture to check: .png or .jpg (displayed values), .exr or .hdr (linear radiance)
+    /// The picture to check: .png or .jpg (displayed values), .exr or .hdr (linear radiance); - reads standard input
     found: PathBuf,
     /// The expected picture, with which FOUND (the picture to check) is compared. Both pictures should have the
-    /// same kind of values: displayed values (.png, .jpg) or radiance (.exr, .hdr)
+    /// same kind of values: displayed values (.png, .jpg) or radiance (.exr, .hdr). One of the two pictures may be -, standard input
     expected: PathBuf,
     /// Save a false-colour picture of the differences
     #[arg(short, long, value_name = "FILE.png")]
@@ -75,6 +77,12 @@ struct Report {
 /// `--output`, saves a picture of the differences. With `--fail-below`, also returns an error if the pictures differ
 /// too much.
 pub fn run(args: Args) -> Result<()> {
+    if [&args.found, &args.expected].into_iter().all(|path| is_standard_input(path)) {
+        return Err(Error::input(
+            "standard input can only be read once, so only one of the pictures can be `-`",
+        )
+        .with_help("name a file as the other picture"));
+    }
     let choice = Choice::new(args.force, "--output FILE.png");
     let target = args.output.as_ref().map(|path| Target::new(path, choice));
     if let Some(target) = &target {

@@ -5,9 +5,10 @@ use super::encode::{exr, frame_png, hdr, jpeg, png, shown_png};
 use super::hdr_header::{HdrExposure, with_usual_signature};
 use super::{Frame, Radiance, to_rgb8};
 use crate::error::{Error, Result, nearest};
+use crate::filetype::Opened;
 use crate::memory::Available;
 use crate::output::{Target, mark};
-use crate::reader::{self, names_a_folder};
+use crate::reader::{self, is_standard_input, names_a_folder};
 use crate::scene::Display;
 use image::{DynamicImage, ImageDecoder, ImageError, RgbImage};
 use std::path::{Path, PathBuf};
@@ -159,6 +160,8 @@ pub enum Values {
 /// the picture is opaque. The colours of a transparent PNG are returned as in the file, not multiplied by
 /// alpha. The values of an HDR are divided by the file's [`HdrExposure`].
 ///
+/// The path `-` means standard input.
+///
 /// A missing file, a file that is not a picture, an animated picture, or a picture that does not fit into memory is a
 /// user error.
 pub fn read_picture(path: &Path) -> Result<(Radiance, Values)> {
@@ -173,11 +176,13 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radian
     let unreadable = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the picture '{}': {why}", path.display())).with_help(READABLE)
     };
-    let file = reader::open(path).map_err(|error| Error::unreadable("picture", path, &error, READABLE))?;
-    let length = file.metadata().map_err(|error| unreadable(&error))?.len();
-    available().hold(length, &format!("reading the picture '{}'", path.display()), "the file's length")?;
-    let bytes = reader::rest(file, Vec::new(), reader::Kind::Picture).map_err(|error| unreadable(&error))?;
-    let bytes = with_usual_signature(bytes);
+    let bytes = with_usual_signature(match is_standard_input(path) {
+        true => piped(path).map_err(|error| unreadable(&error))?,
+        false => stored(path, &available())?,
+    });
+    if bytes.is_empty() {
+        return Err(unreadable(&"it is empty"));
+    }
     let exposure = HdrExposure::of(&bytes).map_err(|why| unreadable(&format!("it {why}")))?;
     let by_name = image::ImageFormat::from_path(path).ok();
     let mut picture = picture_reader(&bytes, by_name).map_err(|why| unreadable(&why))?;
@@ -194,6 +199,20 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radian
     let is_radiance = matches!(picture, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
     let values = if is_radiance { Values::Radiance } else { Values::Displayed };
     Ok((radiance(picture, exposure), values))
+}
+
+/// Reads all of standard input, whose path is `path`.
+fn piped(path: &Path) -> std::io::Result<Vec<u8>> {
+    Opened::at(path)?.bytes(reader::Kind::Picture)
+}
+
+/// Reads the file of a picture, if it fits into the available memory.
+fn stored(path: &Path, available: &Available) -> Result<Vec<u8>> {
+    let unreadable = |error| Error::unreadable("picture", path, &error, READABLE);
+    let file = reader::open(path).map_err(unreadable)?;
+    let length = file.metadata().map_err(unreadable)?.len();
+    available.hold(length, &format!("reading the picture '{}'", path.display()), "the file's length")?;
+    reader::rest(file, Vec::new(), reader::Kind::Picture).map_err(unreadable)
 }
 
 /// Returns an error if a picture does not fit into the free memory.
@@ -648,6 +667,14 @@ mod tests {
         let remedy = |name: &str| read_picture(&folder.path().join(name)).unwrap_err().remedy().to_owned();
         assert_eq!(remedy("picture.pgn"), format!("did you mean `{}`?", there.display()));
         assert_eq!(remedy("other.exr"), READABLE);
+    }
+
+    #[test]
+    fn an_empty_picture_is_called_empty() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let error = read_picture(file.path()).unwrap_err();
+        assert!(error.to_string().ends_with(": it is empty"), "{error}");
+        assert_eq!((error.exit_code(), error.remedy()), (2, READABLE));
     }
 
     #[test]
