@@ -264,7 +264,7 @@ fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
     assert!(row.contains(",1798.0,,,,,4,"), "{row}");
     let faster = folder(&[few("naive", 8, 10), record("teapot", "wide", 4, 2000.0)]);
     let (said, _) = outcome(&["compare", path(&results), path(&faster), "--fail-on-regression", "0"], 0);
-    assert!(said.contains("0 unclear, 1 cannot tell, 1 not enough samples"), "{said}");
+    assert!(said.contains("0 unclear, 1 not comparable, 1 not enough samples"), "{said}");
 }
 
 #[test]

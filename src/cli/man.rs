@@ -16,7 +16,7 @@ use std::path::PathBuf;
 
 Packagers can write all pages with --out, and print completions with `raycl completions`. With --out, raycl also writes raycl.b3sum, a list by which it recognises its pages later; a package does not need this list.")]
 pub struct Args {
-    /// The command whose page to print; cache-clear stands for `raycl cache clear`. Not with --out [default: raycl
+    /// Print the page of this command; cache-clear stands for `raycl cache clear`. Not with --out [default: raycl
     /// itself]
     #[arg(value_name = "COMMAND", conflicts_with = "out")]
     command: Option<String>,

@@ -42,7 +42,7 @@ pub struct Args {
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process
-    /// increases once per second. A process whose counter stays the same counts as lost, unless the process has
+    /// increases once per second. The state of a process whose counter stays the same is `lost`, unless the process has
     /// reported its end. A network file system may show old data for some time; choose SECONDS longer than this time
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", conflicts_with_all = ["device", "quiet"], value_parser = seconds)]
     between: f64,

@@ -644,9 +644,8 @@ mod tests {
 
     #[test]
     fn devices_that_the_file_of_peak_rates_lacks_are_named() {
-        let one = asleep::device(1.0);
-        let [other, third] =
-            ["other", "third"].map(|label| DeviceInfo { label: label.to_owned(), ..asleep::device(1.0) });
+        let [one, other, third] = ["the first", "other", "third"]
+            .map(|label| DeviceInfo { label: label.to_owned(), ..asleep::device(1.0) });
         let peaks = [Peak { device: one.label.clone(), ..Peak::default() }];
         let note_for = |peak: &str, devices: &[&DeviceInfo]| {
             without_peaks(&fixtures::args(&["a.toml", peak]), devices, &peaks, &[])
@@ -663,7 +662,7 @@ mod tests {
             (&["a.toml", "--resume"][..], "the folder's peak.json"),
         ] {
             let note = without_peaks(&fixtures::args(words), &[&one], &[], &outdated).unwrap();
-            let state = "asleep in its present state (driver 1, 1 compute unit), so";
+            let state = "the first in its present state (driver 1, 1 compute unit), so";
             assert!(note.starts_with(&format!("note: {file} has no peak rates of {state}")), "{note}");
         }
     }

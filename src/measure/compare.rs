@@ -16,7 +16,7 @@ pub enum Verdict {
     Unclear,
     /// The two times cannot be compared, since neither an anchor nor other points of the same rounds show how the
     /// machine's speed changed.
-    CannotTell,
+    NotComparable,
     /// At least one of the two compared points has too few samples.
     NotEnough,
     /// At least one of the two compared points has enough samples, but some of its samples are 0.
@@ -30,7 +30,7 @@ impl Verdict {
         Self::Slower,
         Self::Same,
         Self::Unclear,
-        Self::CannotTell,
+        Self::NotComparable,
         Self::NotEnough,
         Self::BelowResolution,
     ];
@@ -42,7 +42,7 @@ impl Verdict {
             Self::Slower => "slower",
             Self::Same => "same",
             Self::Unclear => "unclear",
-            Self::CannotTell => "cannot tell",
+            Self::NotComparable => "not comparable",
             Self::NotEnough => "not enough samples",
             Self::BelowResolution => "below the timer's resolution",
         }

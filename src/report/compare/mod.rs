@@ -200,7 +200,7 @@ impl Comparison {
     }
 
     /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". The counts of
-    /// points whose change is unknown ("cannot tell", "not enough samples", "below the timer's resolution")
+    /// points whose change is unknown ("not comparable", "not enough samples", "below the timer's resolution")
     /// follow if they are not zero.
     pub fn summary(&self) -> String {
         let counts = Verdict::ALL.map(|verdict| (verdict, self.count(verdict)));

@@ -1,5 +1,5 @@
 //! Notes on a comparison. They say how the devices and the distances between processors differ, to which
-//! measurements the changes are relative, which points have the verdict "cannot tell", and which points
+//! measurements the changes are relative, which points have the verdict "not comparable", and which points
 //! `--fail-on-regression` does not test.
 
 use super::Comparison;
@@ -115,7 +115,7 @@ impl Comparison {
         }
         self.notes.extend(self.delays());
         self.notes.extend(self.without_baseline());
-        self.notes.extend(self.cannot_tell());
+        self.notes.extend(self.not_comparable());
         if self.has_change(Against::BareTimes) {
             let why = if bare { "not their ratios to the anchor's time" } else { OTHER_DEVICES };
             self.notes.push(format!(
@@ -187,16 +187,16 @@ impl Comparison {
         ))
     }
 
-    /// Returns a note on the kernels with the verdict "cannot tell"; `None` if no kernel has this verdict.
+    /// Returns a note on the kernels with the verdict "not comparable"; `None` if no kernel has this verdict.
     /// The note says why the changes of these kernels are unknown, and which option compares their times
     /// nevertheless.
-    fn cannot_tell(&self) -> Option<String> {
-        let is_unknown = |pair: &&Pair| pair.verdict == Verdict::CannotTell && !pair.before.is_baseline();
+    fn not_comparable(&self) -> Option<String> {
+        let is_unknown = |pair: &&Pair| pair.verdict == Verdict::NotComparable && !pair.before.is_baseline();
         let unknown = self.pairs.iter().filter(is_unknown);
         let names: Vec<String> = unknown.map(|pair| pair.point(self.several_devices)).collect();
         (!names.is_empty()).then(|| {
             format!(
-                "The verdict is \"cannot tell\" for {}. Nothing shows how much the machine's speed changed. To show \
+                "The verdict is \"not comparable\" for {}. Nothing shows how much the machine's speed changed. To show \
                  this, the rounds of these kernels would have to contain, in both folders, the same anchor kernel, the \
                  same baseline, or the same three or more kernels of one device, most of which changed by similar factors. \
                  With `--times`, the measured times are compared, and changes include every difference between the runs.",

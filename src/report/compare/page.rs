@@ -46,7 +46,7 @@ impl Comparison {
              changes and is timed in the same rounds. Without an anchor, the point's time is divided by the \
              mean time of the baselines. Without baselines, a kernel's time is divided by the mean time of \
              the kernels of the same device that changed by similar factors. If there is no \
-             anchor, no baseline and no such kernel, the verdict is \"cannot tell\". The two times are compared without being divided in three cases: \
+             anchor, no baseline and no such kernel, the verdict is \"not comparable\". The two times are compared without being divided in three cases: \
              with `--times`; if the devices differ and the folders have no baselines in common; and if one run \
              measured the point with both folders of kernels. The change is the second folder's \
              quotient (or time), divided by the first folder's. A point is faster or slower if the 95% \

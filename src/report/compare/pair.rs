@@ -91,7 +91,7 @@ impl Pair {
     fn without_change(&self) -> Verdict {
         let records = [&self.before, &self.after];
         if records.iter().all(|record| record.relative_times.is_some()) {
-            Verdict::CannotTell
+            Verdict::NotComparable
         } else if records.into_iter().any(is_below_resolution) {
             Verdict::BelowResolution
         } else {

@@ -62,7 +62,7 @@ fn a_faster_device_is_faster_although_all_points_share_the_factor() {
     assert!(regressions[0].starts_with("all points together are 9900."), "{regressions:?}");
     // Relative to a baseline that ran on the same model of processor in both folders, the GPU is faster, too.
     let of_same_host = of(&cpu, &run("gpu", 0.01, ("old", 300.0)));
-    assert_eq!(of_same_host.summary(), "3 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
+    assert_eq!(of_same_host.summary(), "3 faster, 0 slower, 0 same, 0 unclear, 1 not comparable");
     assert!(matches!(of_same_host.pairs[0].change, Some((_, Against::Baselines))));
 }
 
@@ -189,7 +189,7 @@ fn a_baseline_whose_program_changed_is_none() {
     };
     let faster = Record { key: "another program".into(), ..timed("host", "serial", 50.0) };
     let comparison = of(&run("old", timed("host", "serial", 100.0)), &run("new", faster));
-    assert_eq!(comparison.summary(), "0 faster, 0 slower, 3 same, 0 unclear, 1 cannot tell");
+    assert_eq!(comparison.summary(), "0 faster, 0 slower, 3 same, 0 unclear, 1 not comparable");
     assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
     let notes = &comparison.notes;
     assert!(notes.iter().any(|note| note.starts_with("No baseline was measured")), "{notes:?}");
@@ -302,7 +302,7 @@ fn times_of_zero_are_reported_as_such() {
     let markdown = comparison.markdown();
     assert!(markdown.contains("| ? | below the timer's resolution |"), "{markdown}");
     assert!(!markdown.contains("not enough samples"), "{markdown}");
-    let counts = "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell, 1 below the timer's resolution";
+    let counts = "0 faster, 0 slower, 0 same, 0 unclear, 1 not comparable, 1 below the timer's resolution";
     assert_eq!(comparison.summary(), counts);
     assert!(comparison.lines().iter().any(|line| line.verdict == "below the timer's resolution"));
 }
@@ -314,9 +314,9 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert_eq!(of(&three, &three).summary(), "0 faster, 0 slower, 3 same, 0 unclear");
     assert!(of(&three, &three).html().expect("it renders").contains("class=\"mark\""));
     let two = folder("two", points[..2].to_vec());
-    assert_eq!(of(&two, &two).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 2 cannot tell");
+    assert_eq!(of(&two, &two).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 2 not comparable");
     let one = folder("one", vec![timed("a", "naive", 10.0)]);
-    assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
+    assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 not comparable");
 }
 
 /// Without an anchor and baselines, the unchanged half of the kernels must not be judged relative to the slower half.
@@ -327,7 +327,7 @@ fn half_of_the_kernels_being_slower_makes_the_others_not_faster() {
         folder(label, points.map(|(name, ms)| timed("a", name, ms)).to_vec())
     };
     let comparison = of(&run("old", 1.0), &run("new", 1.5));
-    assert_eq!(comparison.summary(), "0 faster, 0 slower, 0 same, 0 unclear, 4 cannot tell");
+    assert_eq!(comparison.summary(), "0 faster, 0 slower, 0 same, 0 unclear, 4 not comparable");
     let is_said = |note: &String| note.contains("most of which changed by similar factors");
     assert!(comparison.notes.iter().any(is_said), "{:?}", comparison.notes);
     let note = comparison.left_out_of_means().expect("a note");
@@ -419,12 +419,12 @@ fn points_that_the_second_folder_lacks_are_noted() {
 fn kernels_about_which_nothing_can_be_told_are_noted_with_the_reason() {
     let two = folder("two", vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0)]);
     let notes = of(&two, &two).notes;
-    let expected = "The verdict is \"cannot tell\" for these points: teapot 800 x 500, naive 8x8; teapot";
+    let expected = "The verdict is \"not comparable\" for these points: teapot 800 x 500, naive 8x8; teapot";
     let is_said = |notes: &[String]| notes.iter().any(|note| note.starts_with(expected));
     assert!(is_said(&notes), "{notes:?}");
     assert!(!is_said(&Comparison::of(&two, &two, 0.02, true).notes));
-    // The verdict on the baseline is "cannot tell", because there is no other baseline. The note on the
-    // verdict "cannot tell" is only about kernels.
+    // The verdict on the baseline is "not comparable", because there is no other baseline. The note on the
+    // verdict "not comparable" is only about kernels.
     let with_host =
         |label: &str| folder(label, vec![timed("a", "naive", 10.0), timed("host", "serial", 10.0)]);
     let notes = of(&with_host("old"), &with_host("new")).notes;
@@ -986,7 +986,7 @@ fn with_baseline(key: &str, slow: impl Fn(&str) -> f64) -> Folder {
 #[test]
 fn a_baseline_is_not_relative_to_kernels() {
     let comparison = of(&with_baseline("seed 1", |_| 1.0), &with_baseline("seed 2", |_| 0.5));
-    assert_eq!(comparison.summary(), "4 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
+    assert_eq!(comparison.summary(), "4 faster, 0 slower, 0 same, 0 unclear, 1 not comparable");
     assert_eq!(comparison.regressions(5.0), Vec::<String>::new());
 }
 
