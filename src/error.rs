@@ -303,7 +303,8 @@ impl Error {
     /// Returns an error for a file that cannot be read. If the file is missing and its folder has a file with
     /// a similar name, the remedy names that file. If the file is compressed (.gz) and cannot be
     /// decompressed, the remedy says that the file may be damaged. If this process may not read the file, the remedy
-    /// names the permissions. If the file's text is not UTF-8, the message gives the line. If none of the causes above applies, the remedy is the text `otherwise`.
+    /// names the permissions. If the file's text is not UTF-8, the message gives the line. If none of the causes
+    /// above applies, the remedy is the text `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
         Self::unreadable_among((what, path), error, |_| true, otherwise)
     }

@@ -1,7 +1,7 @@
 //! `raycl kernel` prints the text that a compiler gets. A program built from this text casts the same image
 //! as the strategy.
 
-use crate::binary::{WorkFolder, has, repository};
+use crate::binary::{WorkFolder, device, has, repository};
 use crate::common::Stand;
 use raycl::device::{Builtins, LaneOperations};
 use raycl::image::Radiance;
@@ -252,6 +252,9 @@ fn a_mistake_in_a_kernel_has_its_file_and_line() {
     }
     let message = WorkFolder::new().mistake(&["kernel", "tile-group", "--local-size", "8x8"], 2);
     has(&message, &["cl/common/lanes.cl, line ", "32 work-items", "help: "]);
+    let large = ["kernel", "naive", "--device", &device(), "--local-size", "4096x4096"];
+    let advice = "help: choose another strategy, --local-size or --scene";
+    has(&WorkFolder::new().mistake(&large, 2), &["work-group: 4096 x 4096", advice]);
     has(&WorkFolder::new().mistake(&["kernel", "navie"], 2), &["naive"]);
     has(
         &WorkFolder::new().mistake(&["kernel", "deferred,shading=eager,passes=separate"], 2),
