@@ -1,10 +1,11 @@
 //! Animations: scenes whose values change from frame to frame, as the `[animation]` of a scene file says.
 
 mod between;
+mod notes;
 mod track;
 mod wire;
 
-use super::assemble::{Assembled, assemble};
+use super::assemble::{Assembled, Notes, assemble};
 use super::document::{Document, KEYS};
 use super::frame_cache::FrameCache;
 use super::overrides::{self, PATHS};
@@ -14,6 +15,8 @@ use super::{Scene, Shot};
 use crate::error::{Error, Result, shortened};
 use crate::toml_error::toml_error;
 use crate::toml_read::from_text;
+use crate::words::{counted, few};
+use notes::FrameNotes;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -36,11 +39,13 @@ pub struct Animation {
     /// The scene file's TOML table, without the key `animation`.
     table: Table,
     tracks: Vec<Track>,
-    /// The numbers of the tracks that are left out, because an angle of the camera replaces them. Tracks are
-    /// numbered from 0, in the order of the scene file.
-    left_out: Vec<usize>,
+    /// The tracks that are left out, because an angle of the camera replaces them: the number and the path of each.
+    /// Tracks are numbered from 0, in the order of the scene file.
+    left_out: Vec<(usize, String)>,
     shot: Shot,
     cache: FrameCache,
+    /// The notes on the frames that were rendered.
+    notes: FrameNotes,
 }
 
 impl fmt::Debug for Animation {
@@ -57,7 +62,8 @@ impl Animation {
         let AnimationWire { frames: Whole(frames), frames_per_second, track } = wire;
         let (left_out, kept): (Vec<_>, Vec<_>) =
             track.into_iter().enumerate().partition(|(_, track)| document.leaves_out_track(&track.path));
-        let left_out = left_out.into_iter().map(|(number, _)| number).collect();
+        let left_out =
+            left_out.into_iter().map(|(number, track)| (number, track.path.into_inner())).collect();
         let tracks = kept.into_iter().map(|track| Track::of(&document, track, frames));
         let tracks = tracks.collect::<Result<Vec<Track>>>()?;
         for (number, track) in tracks.iter().enumerate() {
@@ -68,7 +74,17 @@ impl Animation {
         table.remove("animation");
         let frames_per_second = frames_per_second.and_then(|Whole(rate)| u16::try_from(rate).ok());
         let cache = FrameCache::default();
-        Ok(Self { frames, frames_per_second, document, table, tracks, left_out, shot, cache })
+        Ok(Self {
+            frames,
+            frames_per_second,
+            document,
+            table,
+            tracks,
+            left_out,
+            shot,
+            cache,
+            notes: FrameNotes::default(),
+        })
     }
 
     /// Returns a note for each setting whose value a track replaces, wholly or in part, and for each setting that
@@ -83,11 +99,32 @@ impl Animation {
 
     /// Returns a note if `setting` changes a track that was left out; otherwise `None`.
     fn note_left_out(&self, setting: &Setting) -> Option<String> {
-        let is_of = |number: &usize| is_within(&setting.path, &format!("animation.track.{number}"));
+        let is_of =
+            |(number, _): &(usize, String)| is_within(&setting.path, &format!("animation.track.{number}"));
         self.left_out.iter().any(is_of).then(|| {
             let origin = shortened(&*setting.origin);
             format!("{origin} has no effect: the camera's angle replaces this track")
         })
+    }
+
+    /// Returns notes for those who render the frames: on tracks that are left out, on tracks without effect, and on an
+    /// animation in which nothing changes.
+    pub fn notes_on_tracks(&self) -> Vec<String> {
+        let name = &self.document.name;
+        let still = || format!("{name}: the animation has no track, so all frames are equal");
+        let is_still = self.tracks.is_empty() && self.left_out.is_empty() && self.frames > 1;
+        let unused = self.tracks.iter().filter_map(|track| track.note_unused(&self.document));
+        let still = is_still.then(still);
+        self.note_all_left_out().into_iter().chain(still).chain(unused).collect()
+    }
+
+    /// Returns a note with the number and the paths of the tracks that are left out; `None` if there are none.
+    fn note_all_left_out(&self) -> Option<String> {
+        let count = self.left_out.len();
+        let angle = self.document.angle().filter(|_| count > 0)?;
+        let paths: Vec<&String> = self.left_out.iter().map(|(_, path)| path).collect();
+        let paths = if self.document.quotes { format!(" ({})", few(&paths)) } else { String::new() };
+        Some(format!("{angle} replaces {} of the scene file{paths}", counted(count, "track")))
     }
 
     /// Checks two conditions for each frame in `frames`: the scene file with the frame's values can be parsed
@@ -121,34 +158,51 @@ impl Animation {
         let steps: BTreeSet<u32> = self.tracks.iter().flat_map(Track::steps).collect();
         for frame in steps.into_iter().filter(|frame| *frame > 1) {
             // Errors are ignored here, because rendering the frame reports them again.
-            let _ = self.assemble(frame, &mut Vec::new());
+            let _ = self.assemble(frame);
         }
     }
 
-    /// Returns the validated scene of the frame `frame`. If the scene's mesh equals the mesh of the validated scene
-    /// `last`, the two scenes share one mesh in memory, and the mesh is not validated again.
+    /// Returns the validated scene of the frame `frame`, which is to be rendered, and keeps the notes on it. If the
+    /// scene's mesh equals the mesh of the validated scene `last`, the two scenes share one mesh in memory, and the
+    /// mesh is not validated again.
     ///
     /// # Errors
     ///
     /// Fails in the same cases as [`super::load_scene`].
     pub fn scene(&mut self, frame: u32, last: &Scene) -> Result<Scene> {
-        let mut scene = self.assemble(frame, &mut Vec::new())?.scene;
+        let mut assembled = self.assemble(frame)?;
+        let scene = &mut assembled.scene;
         if Arc::ptr_eq(&scene.mesh, &last.mesh) || scene.mesh == last.mesh {
             scene.mesh = Arc::clone(&last.mesh);
             scene.validate_view()?;
         } else {
             scene.validate()?;
         }
-        Ok(scene)
+        if frame > 1 && self.notes.is_empty() {
+            assembled.note_averted(self.shot);
+        }
+        self.notes.add(frame, assembled.notes);
+        Ok(assembled.scene)
     }
 
     /// Builds the scene of a frame.
-    pub(super) fn assemble(&mut self, frame: u32, notes: &mut Vec<String>) -> Result<Assembled> {
+    pub(super) fn assemble(&mut self, frame: u32) -> Result<Assembled> {
         let (table, document, wire) = self.read(frame)?;
         let changes =
             |track: &Track| ["object", "crease"].iter().any(|key| track.path.get_ref().starts_with(key));
         self.cache.begin(&table, self.tracks.iter().any(changes));
-        assemble(&document, wire, self.shot, &mut self.cache, notes)
+        assemble(&document, wire, self.shot, &mut self.cache)
+    }
+
+    /// Keeps the notes on frame 1, which is built when the scene is loaded.
+    pub(super) fn keep_notes(&mut self, notes: Notes) {
+        self.notes.load(notes);
+    }
+
+    /// Returns `notes`, the notes on the scene as it was loaded, after it has replaced those on frame 1 by those on the
+    /// frames that were rendered.
+    pub fn notes(&self, notes: Vec<String>) -> Vec<String> {
+        self.notes.instead_of_loaded(notes)
     }
 
     /// Returns the scene file's table with the values of a frame, the document with the same values, and the
@@ -429,6 +483,64 @@ mod tests {
         assert!(!loaded.notes.iter().any(|note| note.contains("has no effect")), "{:?}", loaded.notes);
         let notes = with_angle(&[("animation.track.0.values", values)]).notes;
         assert!(notes.contains(&note), "{notes:?}");
+    }
+
+    #[test]
+    fn those_who_render_the_frames_are_told_of_tracks_that_are_left_out_or_change_nothing() {
+        let angle = "camera.azimuth_degrees = 30 replaces 1 track of the scene file (camera.position)";
+        assert_eq!(with_angle(&[]).animation.unwrap().notes_on_tracks(), [angle]);
+        let notes = |tracks: &str, frames: &str| {
+            let (folder, ..) = animated(tracks);
+            let path = folder.path().join("a.toml");
+            let text = std::fs::read_to_string(&path).unwrap().replace("frames = 3", frames);
+            std::fs::write(&path, text).unwrap();
+            let notes = load_scene(&path).unwrap().animation.unwrap().notes_on_tracks();
+            let name = path.display().to_string();
+            notes.into_iter().map(|note| note.replace(&name, "a.toml")).collect::<Vec<_>>()
+        };
+        let still = "a.toml: the animation has no track, so all frames are equal";
+        assert_eq!(notes("", "frames = 3"), [still]);
+        assert!(notes("", "frames = 1").is_empty());
+        let track = "[[animation.track]]\npath = \"light.0.power\"\nvalues = [6, 8, 9]\n";
+        assert!(notes(track, "frames = 3").is_empty());
+        let unused = "a.toml:10: 2 more values are not used, since the animation has one frame";
+        assert_eq!(notes(track, "frames = 1"), [unused]);
+        let name = "[[animation.track]]\npath = \"name\"\nvalues = [\"b\", \"c\"]\n";
+        assert_eq!(notes(name, "frames = 3"), ["a.toml:10: a track of `name` has no effect"]);
+    }
+
+    #[test]
+    fn the_notes_on_rendered_frames_replace_those_on_frame_1() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let mesh = |name: &str, more: &str| {
+            std::fs::write(folder.path().join(name), format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{more}f 1 2 3\n"))
+                .unwrap();
+        };
+        mesh("a.obj", "mtllib one.mtl\n");
+        mesh("b.obj", "mtllib two.mtl\n");
+        let track =
+            |path: &str, values: &str| format!("[[animation.track]]\npath = \"{path}\"\nvalues = {values}\n");
+        let meshes = track("object.0.mesh", "[\"a.obj\", \"b.obj\", \"b.obj\"]");
+        let powers = track("light.0.power", "[0, 0, 9]");
+        let light = "[[light]]\nposition = [0, 0, 3]\npower = 1\n";
+        let object = "[[object]]\nmesh = \"a.obj\"\ntranslation = [0, 0, -2]\n";
+        std::fs::write(&path, format!("{object}{light}[animation]\nframes = 3\n{meshes}{powers}")).unwrap();
+        let noted = |frames: &[u32]| {
+            let loaded = load_scene(&path).unwrap();
+            let mut animation = loaded.animation.unwrap();
+            animation.find_files();
+            frames.iter().fold(loaded.scene, |last, frame| animation.scene(*frame, &last).unwrap());
+            let notes = animation.notes(loaded.notes);
+            ["one.mtl", "two.mtl", "has power 0"]
+                .map(|text| notes.iter().filter(|note| note.contains(text)).count())
+        };
+        assert_eq!(noted(&[]), [1, 0, 1], "a still picture shows frame 1");
+        assert_eq!(noted(&[1]), [1, 0, 1]);
+        assert_eq!(noted(&[2]), [0, 1, 1]);
+        assert_eq!(noted(&[1, 2]), [1, 1, 1]);
+        assert_eq!(noted(&[1, 2, 3]), [1, 1, 0], "frame 3 is lit");
+        assert_eq!(noted(&[2, 3]), [0, 1, 0]);
     }
 
     #[test]

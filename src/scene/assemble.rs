@@ -3,13 +3,14 @@
 
 mod camera;
 mod lights;
+mod notes;
 mod objects;
 mod precision;
 mod sky;
 #[cfg(test)]
 mod tests;
 
-use super::coarse::is_coarse;
+use super::coarse::{is_coarse, is_lifted};
 use super::document::Document;
 use super::enclosed::encloses;
 use super::files::{self, FileLight, MeshFile};
@@ -26,6 +27,7 @@ use crate::printer::line;
 use camera::camera;
 use glam::{DVec3, Vec3};
 use lights::{check_lights, lights, note_dark};
+pub(super) use notes::Notes;
 use precision::{default_bias, too_small};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -49,6 +51,9 @@ pub(super) struct Assembled {
     /// or an elevation, and does not set the camera's position. raycl then places the camera so that the whole scene is
     /// visible, unless the file of a bare mesh has a camera.
     pub is_framed: bool,
+    /// True if raycl reverses normals that face away from the camera.
+    pub two_sided: bool,
+    pub notes: Notes,
 }
 
 /// Builds the scene that a document describes, for the pictures that `shot` describes.
@@ -57,15 +62,15 @@ pub(super) fn assemble(
     mut wire: SceneWire,
     shot: Shot,
     cache: &mut FrameCache,
-    notes: &mut Vec<String>,
 ) -> Result<Assembled> {
     let name = name(document, &wire)?;
     if let Some(most) = shot.most_triangles {
         objects::refuse_many(document, &wire.object, most)?;
     }
-    let Joined { mut mesh, origin, seen, mut starts } =
-        cache.joined(|cache| join(document, &wire, cache, notes))?;
+    let Joined { mut mesh, origin, seen, mut starts, notes: of_objects } =
+        cache.joined(|cache| join(document, &wire, cache))?;
     wire.set_origin(origin);
+    let mut notes = Vec::new();
     if document.bare && mesh.is_emissive() {
         notes.push("surfaces that emit light do not light other surfaces".to_owned());
     }
@@ -76,8 +81,9 @@ pub(super) fn assemble(
     let framed = document.bare || wire.camera.is_framed();
     let around = (framed || shot.turns).then(|| Ball::around(&mesh, wire.camera.upright()));
     let ball = around.filter(|_| framed);
-    let camera = camera(document, &wire.camera, &mesh, ball, &seen, shot, notes)?;
-    if wire.two_sided.unwrap_or(document.bare) {
+    let camera = camera(document, &wire.camera, &mesh, ball, &seen, shot, &mut notes)?;
+    let two_sided = wire.two_sided.unwrap_or(document.bare);
+    if two_sided {
         turn_normals(Arc::make_mut(&mut mesh), around, &camera, shot);
     }
     let bounds = cache.bounds(&mesh);
@@ -89,12 +95,15 @@ pub(super) fn assemble(
     let studio = dressed.map(|ball| Studio::around(&mesh, ball, &camera, wire.camera.upright()));
     let smooth_shadows =
         wire.smooth_shadows.unwrap_or_else(|| dressed.is_some_and(|ball| is_coarse(&mesh, ball)));
-    let lights = lights(document, &wire, &seen, &camera, ball, studio.as_ref(), notes);
+    notes.extend(note_smooth_shadows(document, &wire, &mesh));
+    let lights = lights(document, &wire, &seen, &camera, ball, studio.as_ref(), &mut notes);
     let seen_from = (wire.camera.upright(), wire.background.is_none());
-    let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, seen_from, cache, notes)).transpose()?;
-    if studio.is_none() {
-        notes.extend(note_dark(document, &lights, sky.as_ref(), bounds));
-    }
+    let sky =
+        wire.sky.as_ref().map(|sky| sky::build(document, sky, seen_from, cache, &mut notes)).transpose()?;
+    let dark = match studio {
+        None => note_dark(document, &lights, sky.as_ref(), bounds),
+        Some(_) => None,
+    };
     let own_triangles = mesh.triangles.len();
     studio.iter().for_each(|studio| add_ground(studio, &wire, &mut mesh, &mut starts));
     let brightness = Brightness::of(&mesh, cache.bounds(&mesh), lights.len(), shadow_bias);
@@ -108,13 +117,32 @@ pub(super) fn assemble(
         lights,
         sky: sky.or(studio.as_ref().map(|studio| studio.sky.clone())),
         camera,
-        background: background(document, &wire, studio.as_ref(), display, notes),
+        background: background(document, &wire, studio.as_ref(), display, &mut notes),
         transparent: wire.is_transparent(),
         display,
     };
     let eye_is_set = wire.camera.position.is_some();
     let is_framed = framed && !eye_is_set;
-    Ok(Assembled { scene, orbit, starts, own_triangles, dressed: studio.is_some(), eye_is_set, is_framed })
+    let dressed = studio.is_some();
+    let notes = Notes { of_objects, others: notes, dark };
+    Ok(Assembled { scene, orbit, starts, own_triangles, dressed, eye_is_set, is_framed, two_sided, notes })
+}
+
+impl Assembled {
+    /// Adds a note if most of the visible surface faces away from the camera. If raycl reverses normals and the scene
+    /// is not on a turntable, no surface faces away.
+    pub fn note_averted(&mut self, shot: Shot) {
+        if !self.two_sided || shot.turns {
+            let objects = (&self.starts[..], self.own_triangles);
+            self.notes.others.extend(facing::note(
+                &self.scene,
+                objects,
+                shot,
+                self.two_sided,
+                self.eye_is_set,
+            ));
+        }
+    }
 }
 
 /// Returns the scene's name. Refuses an empty name, since the names of result files contain the scene's name.
@@ -129,6 +157,13 @@ fn name(document: &Document, wire: &SceneWire) -> Result<String> {
         Some(name) => name.get_ref(),
     };
     Ok(line(name).into_owned())
+}
+
+/// Returns a note if the scene asks for smooth shadows, and they change nothing.
+fn note_smooth_shadows(document: &Document, wire: &SceneWire, mesh: &Mesh) -> Option<String> {
+    let origin = || document.setting_of("smooth_shadows").unwrap_or_else(|| document.name.clone());
+    let note = || format!("{}: smooth_shadows has no effect: no surface is both smooth and convex", origin());
+    (wire.smooth_shadows == Some(true) && !is_lifted(mesh)).then(note)
 }
 
 /// Returns the turntable of a scene. `around` is the ball around the scene; `None` if the ball was not
@@ -221,17 +256,16 @@ pub(super) struct Joined {
     /// The index of the first triangle of each object. In a glTF file without a scene file, each node with a
     /// mesh counts as an object.
     starts: Vec<u32>,
+    /// The notes on the objects, each text once.
+    notes: Vec<String>,
 }
 
-fn join(
-    document: &Document,
-    wire: &SceneWire,
-    cache: &mut FrameCache,
-    notes: &mut Vec<String>,
-) -> Result<Joined> {
+fn join(document: &Document, wire: &SceneWire, cache: &mut FrameCache) -> Result<Joined> {
     let (mut mesh, mut seen, mut starts) = (Mesh::default(), Seen::default(), Vec::new());
-    let files = made(document, wire, cache, notes)?;
+    let files = made(document, wire, cache)?;
     let origin = objects::origin(document, &wire.object, &files);
+    let mut notes: Vec<String> = files.iter().flat_map(|file| file.notes.iter().cloned()).collect();
+    notes.extend(objects::unused_creases(document, wire, &files));
     for (object, file) in wire.object.iter().zip(files) {
         let file = objects::placed(object.get_ref(), file, origin);
         let first = mesh.triangles.len();
@@ -265,22 +299,18 @@ fn join(
             .with_help("add [[object]] with mesh = \"FILE\", shape = \"NAME\", or vertices and faces"));
     }
     mesh.darken_unused_materials();
-    Ok(Joined { mesh: mesh.into(), origin, seen, starts })
+    Ok(Joined { mesh: mesh.into(), origin, seen, starts, notes })
 }
 
 /// Returns the mesh of each object in the object's own coordinates.
-fn made(
-    document: &Document,
-    wire: &SceneWire,
-    cache: &mut FrameCache,
-    notes: &mut Vec<String>,
-) -> Result<Vec<MeshFile>> {
+fn made(document: &Document, wire: &SceneWire, cache: &mut FrameCache) -> Result<Vec<MeshFile>> {
     let alone = objects::is_alone(document, &wire.object);
     let mut one = |(number, object)| {
         cache.mesh(number, || {
-            let mut file = objects::make(document, wire, object, alone, notes)?;
+            let mut file = objects::make(document, wire, object, alone)?;
             if !document.bare && wire.two_sided.is_none() {
-                notes.extend(objects::note_double_sided(document, object.get_ref(), file.double_sided));
+                let note = objects::note_double_sided(document, object.get_ref(), file.double_sided);
+                file.notes.extend(note);
             }
             // Textures are left out before the object's `material` is applied. Without its emission texture,
             // a surface emits only the light that the object's `material` sets (`emitted`).
@@ -292,9 +322,7 @@ fn made(
             Ok(file)
         })
     };
-    let files: Vec<MeshFile> = wire.object.iter().enumerate().map(&mut one).collect::<Result<_>>()?;
-    notes.extend(objects::unused_creases(document, wire, &files));
-    Ok(files)
+    wire.object.iter().enumerate().map(&mut one).collect()
 }
 
 /// The camera and the lights of the objects' mesh files. Only glTF files can contain a camera or lights.

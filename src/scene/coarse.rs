@@ -13,6 +13,9 @@ const COARSE_LIFT: f64 = 1e-3;
 /// some triangles coarse. Coarse triangles have 1.2% of the area of the Stanford bunny (69,451 triangles),
 /// and 0.1% of that of the dragon (202,520 triangles).
 const COARSE_SHARE: f64 = 0.05;
+/// A lift above a triangle counts if it is more than this fraction of the triangle's edge. Smaller lifts come from
+/// normals in single precision.
+const LEAST_LIFT: f64 = 1e-5;
 /// Largest number of triangles that are examined. In a mesh of more triangles, only every n-th triangle is
 /// examined, so that the decision takes little time.
 const MOST_EXAMINED: usize = 1 << 13;
@@ -47,6 +50,19 @@ fn lift_of_middle(corners: [DVec3; 3], normals: [DVec3; 3]) -> f64 {
     corners.into_iter().zip(normals).map(lift).sum::<DVec3>().length()
 }
 
+/// Returns true if smooth shadows lift a point of the mesh: if the plane through a corner of a triangle,
+/// perpendicular to the corner's normal, lies above another corner.
+pub(super) fn is_lifted(mesh: &Mesh) -> bool {
+    mesh.triangles.iter().any(|triangle| {
+        let corners = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+        let normals = mesh.corner_normals(triangle).map(|normal| normal.as_dvec3());
+        corners.into_iter().zip(normals).any(|(corner, normal)| {
+            let least = |edge: DVec3| LEAST_LIFT * edge.length() * normal.length();
+            corners.into_iter().any(|other| (corner - other).dot(normal) > least(corner - other))
+        })
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::normals;
@@ -70,6 +86,16 @@ mod tests {
         normals::flatten(&mut flat);
         assert!(!coarse(&flat));
         assert!(!coarse(&Mesh::default()));
+    }
+
+    #[test]
+    fn smooth_shadows_lift_only_convex_smooth_surfaces() {
+        let mut mesh = sphere(200_000);
+        assert!(is_lifted(&mesh) && !is_lifted(&Mesh::default()));
+        normals::reverse(&mut mesh);
+        assert!(!is_lifted(&mesh), "seen from inside, a sphere is concave");
+        normals::flatten(&mut mesh);
+        assert!(!is_lifted(&mesh));
     }
 
     #[test]

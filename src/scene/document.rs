@@ -138,9 +138,19 @@ impl Document {
         Ok(())
     }
 
-    /// Returns true if tracks of an animation have set values in the text.
-    pub fn is_animated(&self) -> bool {
-        self.changed.as_ref().is_some_and(|changed| !changed.tracks.is_empty())
+    /// Returns a note if a setting of the camera's angle removes the file's field of view.
+    pub fn note_removed_fov(&self) -> Option<String> {
+        let changed = self.changed.as_ref().filter(|changed| overrides::have_angle(&changed.settings))?;
+        overrides::note_removed_fov(&changed.original.parse().ok()?, &changed.settings)
+    }
+
+    /// Returns the origin of the setting that sets an angle of the camera; `None` if there is none.
+    pub fn angle(&self) -> Option<String> {
+        let settings = &self.changed.as_ref()?.settings;
+        settings
+            .iter()
+            .find(|setting| overrides::is_angle(&setting.path))
+            .map(|setting| shortened(&*setting.origin))
     }
 
     /// Returns the text of the file, without the values that options, a config or tracks have set.

@@ -6,7 +6,7 @@ use super::document::Document;
 use super::frame_cache::FrameCache;
 use super::setting::Setting;
 use super::wire::SceneWire;
-use super::{Orbit, Scene, facing};
+use super::{Orbit, Scene};
 use crate::error::{Result, shortened_note};
 use crate::filetype::experiment_instead;
 use crate::reader::lies_in;
@@ -122,23 +122,24 @@ fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<L
             .or_else(|| document.not_toml(path, &error))
             .unwrap_or_else(|| document.misread(&error))
     })?;
-    let mut notes: Vec<String> = document.unexpected_ending(path).into_iter().collect();
+    let unexpected = document.unexpected_ending(path);
+    let mut notes: Vec<String> = unexpected.into_iter().chain(document.note_removed_fov()).collect();
     let is_bare = document.bare;
-    let turned = wire.two_sided.unwrap_or(is_bare);
-    let (assembled, animation) = match wire.animation.take() {
-        None => (assemble(&document, wire, shot, &mut FrameCache::default(), &mut notes)?, None),
+    let (mut assembled, mut animation) = match wire.animation.take() {
+        None => (assemble(&document, wire, shot, &mut FrameCache::default())?, None),
         Some(of_file) => {
             let mut animation = Animation::of(document, of_file, shot)?;
             notes.extend(animation.notes_on_replaced(settings));
-            (animation.assemble(1, &mut notes)?, Some(animation))
+            (animation.assemble(1)?, Some(animation))
         }
     };
-    let Assembled { scene, orbit, starts, own_triangles, dressed, eye_is_set, is_framed } = assembled;
-    scene.validate()?;
-    // On a turntable, surfaces may face away even with `two_sided`, because raycl reverses either all normals
-    // of the scene or none.
-    let averted = || facing::note(&scene, (&starts, own_triangles), shot, turned, eye_is_set);
-    notes.extend((!turned || shot.turns).then(averted).flatten());
+    assembled.scene.validate()?;
+    assembled.note_averted(shot);
+    let Assembled { scene, orbit, starts, dressed, is_framed, notes: of_frame, .. } = assembled;
+    notes.extend(of_frame.all());
+    if let Some(animation) = &mut animation {
+        animation.keep_notes(of_frame);
+    }
     Ok(Loaded {
         scene,
         orbit,

@@ -1,7 +1,7 @@
 //! `--set camera.position=[0,0,1]`: changes values in the TOML of a scene file before the scene is built.
 
 use super::setting::Setting;
-use crate::error::Result;
+use crate::error::{Result, shortened};
 use crate::words::counted;
 use toml::{Table, Value};
 
@@ -11,7 +11,9 @@ pub(super) const PATHS: &str = "a path is names and indices joined by dots: came
 /// The camera's keys for the angles from which the camera shows the whole scene.
 const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
 /// The camera's keys for its position, direction and field of view.
-const POSE_AND_FOV: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
+const POSE_AND_FOV: [&str; 4] = ["position", "look_at", FOV[0], FOV[1]];
+/// The camera's keys for its field of view.
+const FOV: [&str; 2] = ["fov_x_degrees", "fov_y_degrees"];
 
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0. The index after the last
 /// element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting of the camera's
@@ -60,6 +62,19 @@ fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
     let message =
         format!("this angle and '{}' both place the camera; expected only one of them", position.origin);
     Err(angle.error(message).with_help("leave out the angle or the position"))
+}
+
+/// Returns a note if the setting of an angle removes the field of view of the scene `document`, and no setting sets a
+/// field of view. (The position and the direction are not noted, since who sets an angle wants others.)
+pub(super) fn note_removed_fov(document: &Table, settings: &[Setting]) -> Option<String> {
+    let angle = settings.iter().find(|setting| is_angle(&setting.path))?;
+    let sets_fov = |setting: &Setting| FOV.iter().any(|key| setting.path == format!("camera.{key}"));
+    let camera = document.get("camera").filter(|_| !settings.iter().any(sets_fov))?;
+    let key = FOV.into_iter().find(|key| camera.get(key).is_some())?;
+    let origin = shortened(&*angle.origin);
+    Some(format!(
+        "{origin} leaves out the scene's `{key}`; to keep this field of view, set camera.{key}, too"
+    ))
 }
 
 /// Removes the camera's position, direction and field of view.
@@ -227,6 +242,27 @@ mod tests {
         assert!(ANGLES.iter().all(|angle| moves_camera(&format!("camera.{angle}"))));
         for path in ["camera.z_near", "camera.up", "light.0.position", "object.0.position"] {
             assert!(!moves_camera(path), "{path}");
+        }
+    }
+
+    #[test]
+    fn an_angle_that_removes_the_field_of_view_is_noted_unless_another_is_set() {
+        let noted = |camera: &str, paths: &[&str]| {
+            let settings: Vec<_> = paths.iter().map(|path| Setting::new(path, Value::Integer(9))).collect();
+            note_removed_fov(&camera.parse().unwrap(), &settings)
+        };
+        let (scene, azimuth) = ("[camera]\nlook_at = 0\nfov_y_degrees = 20", "camera.azimuth_degrees");
+        let expected = "camera.azimuth_degrees = 9 leaves out the scene's `fov_y_degrees`; to keep this field of view, \
+                        set camera.fov_y_degrees, too";
+        assert_eq!(noted(scene, &["camera.up", azimuth]).as_deref(), Some(expected));
+        let silent = [
+            (scene, &["camera.up"][..]),
+            (scene, &[azimuth, "camera.fov_x_degrees"]),
+            ("[camera]\nlook_at = 0", &[azimuth]),
+            ("name = 'a'", &[azimuth]),
+        ];
+        for (camera, paths) in silent {
+            assert_eq!(noted(camera, paths), None, "{camera} {paths:?}");
         }
     }
 

@@ -195,7 +195,7 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let (frame_ms, seconds, closed) = cast_into(stage, sink, (&mut film, &mut keys), &missing)?;
     let frames = frame_ms.len() as u32;
-    let notes = notes.into_iter().chain(closed_early(closed, frames, missing.len()));
+    let notes = film.notes(notes).into_iter().chain(closed_early(closed, frames, missing.len()));
     let report = Report {
         scene: first.name.clone(),
         triangles: first.mesh.triangles.len(),

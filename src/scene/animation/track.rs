@@ -7,7 +7,7 @@ use crate::filetype::MeshFormat;
 use crate::scene::document::Document;
 use crate::scene::overrides;
 use crate::scene::setting::{Setting, TrackValue};
-use crate::words::counted;
+use crate::words::{counted, counted_are};
 use std::path::Path;
 use toml::{Spanned, Value};
 
@@ -24,6 +24,8 @@ pub(super) struct Track {
     at: Vec<f64>,
     /// The values at the frames in `at`; there is at least one.
     values: Vec<Spanned<Value>>,
+    /// The number of values that the animation does not use, because it has only one frame.
+    unused: usize,
     interpolation: Interpolation,
 }
 
@@ -51,8 +53,9 @@ impl Track {
         };
         let mut values = values.into_inner();
         let interpolation = checked(document, &values, interpolation)?;
+        let unused = values.len() - at.len();
         values.truncate(at.len());
-        Ok(Self { number, path, at, values, interpolation })
+        Ok(Self { number, path, at, values, unused, interpolation })
     }
 
     /// Refuses this track if it would replace a value that the track `earlier` sets.
@@ -86,6 +89,17 @@ impl Track {
         };
         let track = if quotes { format!("the track `{path}`") } else { "a track".to_owned() };
         Some(format!("{} has {effect}: {track} sets {part}", shortened(&*setting.origin)))
+    }
+
+    /// Returns a note if the track, or some of its values, change no picture; otherwise `None`.
+    pub fn note_unused(&self, document: &Document) -> Option<String> {
+        let location = || document.location_of(&self.path.span());
+        if self.path.get_ref() == "name" {
+            return Some(format!("{}: a track of `name` has no effect", location()));
+        }
+        let unused = || counted_are(self.unused, "more value");
+        let note = || format!("{}: {} not used, since the animation has one frame", location(), unused());
+        (self.unused > 0).then(note)
     }
 
     /// Returns true if this track sets the camera's azimuth or elevation.
@@ -251,7 +265,7 @@ mod tests {
         let spanned = values.iter().map(|value| Spanned::new(0..0, value.clone())).collect();
         let path = Spanned::new(0..0, "background".to_owned());
         let interpolation = Interpolation::Smooth;
-        let track = Track { number: 0, path, at: at.clone(), values: spanned, interpolation };
+        let track = Track { number: 0, path, at: at.clone(), values: spanned, unused: 0, interpolation };
         let all: Vec<&Value> = values.iter().collect();
         for (begin, frame) in [(0, 2), (1, 5), (2, 9)] {
             let expected = between((&at, &all), begin, f64::from(frame), Interpolation::Smooth);
@@ -269,6 +283,7 @@ mod tests {
                 path: Spanned::new(0..0, "object.0.mesh".to_owned()),
                 at: vec![1.0, 2.5],
                 values: names.map(|name| Spanned::new(0..0, Value::from(name))).into(),
+                unused: 0,
                 interpolation: Interpolation::Step,
             };
             track.steps().collect::<Vec<_>>()
@@ -287,6 +302,7 @@ mod tests {
             path: Spanned::new(0..0, "background".to_owned()),
             at: vec![2.0, 5.0, 9.0],
             values: (0..3).map(value).collect(),
+            unused: 0,
             interpolation: Interpolation::Step,
         };
         let spans = [1, 2, 4, 5, 8, 9, 20].map(|frame| track.value_span(frame).start);
@@ -310,6 +326,7 @@ mod tests {
                 path: Spanned::new(0..0, "camera".to_owned()),
                 at: vec![1.0, 5.0],
                 values: cameras.map(value).into(),
+                unused: 0,
                 interpolation: Interpolation::Step,
             };
             track.sets_camera_position()

@@ -54,8 +54,7 @@ pub(super) fn lights(
 }
 
 /// Returns a note if no light and no sky illuminates the mesh, although the scene has a light or a sky: if lights have
-/// power 0 or shine away from the mesh, and the sky's radiance is 0. In an animation, other frames may be lit, so there
-/// is no note. `bounds` is the mesh's bounding box.
+/// power 0 or shine away from the mesh, and the sky's radiance is 0. `bounds` is the mesh's bounding box.
 pub(super) fn note_dark(
     document: &Document,
     lights: &[Light],
@@ -63,7 +62,7 @@ pub(super) fn note_dark(
     bounds: (Vec3, Vec3),
 ) -> Option<String> {
     let is_lit = sky.is_some_and(|sky| !sky.is_black());
-    if is_lit || lights.is_empty() && sky.is_none() || document.is_animated() {
+    if is_lit || lights.is_empty() && sky.is_none() {
         return None;
     }
     let all = |one, many| if lights.len() == 1 { one } else { many };

@@ -73,7 +73,6 @@ pub(super) fn make(
     scene: &SceneWire,
     object: &Spanned<ObjectWire>,
     alone: bool,
-    notes: &mut Vec<String>,
 ) -> Result<MeshFile> {
     let (wire, span) = (object.get_ref(), object.span());
     refuse_strays(document, wire)?;
@@ -82,7 +81,7 @@ pub(super) fn make(
     let mut file = match (&wire.obj, &wire.shape, &wire.vertices) {
         (Some(file), None, None) => {
             let beyond = wire.outside_materials.as_ref().is_some_and(|allowed| *allowed.get_ref());
-            read_file(document, file, beyond, alone, &look, notes)?
+            read_file(document, file, beyond, alone, &look)?
         }
         (None, Some(name), None) => {
             let shape = shape(document, wire, name)?;
@@ -91,7 +90,7 @@ pub(super) fn make(
             })?;
             made(shapes::generate(&shape))
         }
-        (None, None, Some(vertices)) => inline(document, wire, vertices, notes)?,
+        (None, None, Some(vertices)) => inline(document, wire, vertices)?,
         _ => {
             let message = "an object is one of: mesh = \"FILE\", shape = \"NAME\", vertices and faces";
             return Err(document.error(span, message, "this object has none or several of them"));
@@ -206,7 +205,6 @@ fn read_file(
     beyond: bool,
     alone: bool,
     look: &Look,
-    notes: &mut Vec<String>,
 ) -> Result<MeshFile> {
     let path = document.folder.join(file.get_ref());
     if !document.bare && !path.is_file() {
@@ -245,7 +243,7 @@ fn read_file(
     let named = |note: String| format!("{}: {note}", path.display());
     read.camera_notes = read.camera_notes.drain(..).map(named).collect();
     read.light_notes = read.light_notes.drain(..).map(named).collect();
-    notes.extend(read.notes.drain(..).map(named));
+    read.notes = read.notes.drain(..).map(named).collect();
     Ok(read)
 }
 
@@ -388,12 +386,7 @@ type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
 
 /// Returns the mesh of an object whose vertices and faces are in the scene file itself. Adds the same notes as for a
 /// mesh file: if normals are zero, if no face uses most vertices, and if no triangle has an area.
-fn inline(
-    document: &Document,
-    wire: &ObjectWire,
-    vertices: &Spanned<Vec<Position>>,
-    notes: &mut Vec<String>,
-) -> Result<MeshFile> {
+fn inline(document: &Document, wire: &ObjectWire, vertices: &Spanned<Vec<Position>>) -> Result<MeshFile> {
     let location = document.location_of(&vertices.span());
     let Some(faces) = &wire.faces else {
         return Err(document.error(
@@ -428,8 +421,8 @@ fn inline(
     let placement = Placement { scale: 1.0, ..files::placement_of(used(&mesh, &vertices)) };
     mesh.positions = vertices.into_iter().map(|vertex| placement.apply(vertex).as_vec3()).collect();
     let own = [files::note_normals(&mesh), files::note_points(&mesh, 0), files::invisible(&mesh)];
-    notes.extend(own.into_iter().flatten().map(|note| format!("{location}: {note}")));
-    Ok(MeshFile { mesh, placement, ..MeshFile::default() })
+    let notes = own.into_iter().flatten().map(|note| format!("{location}: {note}")).collect();
+    Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
 }
 
 /// Returns the vertices of the triangles of `mesh`.

@@ -353,7 +353,7 @@ fn a_scene_without_any_light_is_noted() {
 }
 
 #[test]
-fn a_scene_whose_lights_have_no_power_is_noted_unless_an_animation_changes_it() {
+fn a_scene_whose_lights_have_no_power_is_noted() {
     let is_noted = |text: &str| {
         let notes = loaded(text).unwrap().notes;
         notes.iter().any(|note| note.contains("power 0, so surfaces that emit no light are black"))
@@ -363,7 +363,21 @@ fn a_scene_whose_lights_have_no_power_is_noted_unless_an_animation_changes_it() 
     assert!(!is_noted(&format!("{dark}{}", dark.replace("power = 0", "power = [0, 1, 0]"))));
     assert!(!is_noted(&format!("{dark}[sky]\nzenith = 1\n")));
     let track = "[animation]\nframes = 2\n[[animation.track]]\npath = \"light.0.power\"\nvalues = [0, 9]\n";
-    assert!(!is_noted(&format!("{dark}{track}")));
+    assert!(is_noted(&format!("{dark}{track}")), "a still picture shows the first frame");
+    assert!(!is_noted(&format!("{dark}{}", track.replace("[0, 9]", "[9, 0]"))));
+}
+
+#[test]
+fn smooth_shadows_that_change_nothing_are_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let is_noted = |value: bool, flat: bool| {
+        let object = format!("[[object]]\nshape = \"sphere\"\ntriangles = 20\nflat = {flat}\n");
+        std::fs::write(&path, format!("smooth_shadows = {value}\n{object}")).unwrap();
+        let notes = load_scene_with(&path, &[]).unwrap().notes;
+        notes.iter().any(|note| note.contains("smooth_shadows has no effect"))
+    };
+    assert!(is_noted(true, true) && !is_noted(true, false) && !is_noted(false, true));
 }
 
 #[test]

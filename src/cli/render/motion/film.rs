@@ -76,6 +76,14 @@ impl Film {
         }
     }
 
+    /// Returns `notes`, the notes on the loaded scene, with those on the rendered frames instead of those on frame 1.
+    pub fn notes(&self, notes: Vec<String>) -> Vec<String> {
+        match self {
+            Self::Turntable { .. } => notes,
+            Self::Animation { animation, .. } => animation.notes(notes),
+        }
+    }
+
     /// Returns the part of a frame's key that distinguishes turntables with different numbers of frames. The key of an
     /// animation's frame does not depend on the number of frames, so a longer animation can use the existing frames of
     /// a shorter one.
