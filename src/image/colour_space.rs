@@ -36,8 +36,9 @@ fn of_png(bytes: &[u8], profile: Option<&[u8]>) -> Option<String> {
     // A reader uses the first of these that the picture has: cICP, iCCP, sRGB, or gAMA and cHRM together (PNG, third
     // edition, 4.3).
     if let Some(code) = chunk(b"cICP") {
-        // sRGB has the primaries 1 and the transfer function 13 (ITU-T H.273).
-        return (!code.starts_with(&[1, 13])).then(|| format!("cICP {code:?}"));
+        // sRGB has the primaries 1 and the transfer function 13 (ITU-T H.273). The fourth byte is 1 if the channels use
+        // the full range from 0 to 255.
+        return (!matches!(code, [1, 13, _, 1])).then(|| format!("cICP {code:?}"));
     }
     if chunk(b"iCCP").is_some() {
         return other_profile();
@@ -88,7 +89,7 @@ mod tests {
         let usual = words(&[31_270, 32_900, 64_000, 33_000, 30_000, 60_000, 15_000, 6_000]);
         let other = words(&[31_270, 32_900, 70_800, 29_200, 17_000, 79_700, 13_100, 4_600]);
         let (linear, curved) = (words(&[100_000]), words(&[45_455]));
-        let cases: [(Chunks<'_>, Option<&str>); 9] = [
+        let cases: [(Chunks<'_>, Option<&str>); 10] = [
             (&[], None),
             (&[(b"gAMA", &curved), (b"cHRM", &usual)], None),
             (&[(b"gAMA", &linear)], Some("gAMA 1")),
@@ -96,6 +97,7 @@ mod tests {
             (&[(b"cHRM", &other)], Some("cHRM [0.3127, 0.329, 0.708, 0.292, 0.17, 0.797, 0.131, 0.046]")),
             (&[(b"sRGB", &[0]), (b"cICP", &[9, 16, 0, 1])], Some("cICP [9, 16, 0, 1]")),
             (&[(b"cICP", &[1, 13, 0, 1]), (b"gAMA", &linear)], None),
+            (&[(b"cICP", &[1, 13, 0, 0])], Some("cICP [1, 13, 0, 0]")),
             (&[(b"iCCP", b"junk"), (b"sRGB", &[0])], Some("an ICC profile")),
             (&[(b"IDAT", &[]), (b"gAMA", &linear)], None),
         ];
