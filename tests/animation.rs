@@ -117,6 +117,22 @@ fn frames_are_pictures_of_the_scene_with_their_values() {
 }
 
 #[test]
+fn notes_concern_the_frames_that_are_rendered() {
+    let tracks = "[animation]\nframes = 3\n[[animation.track]]\npath = \"object.0.mesh\"\n\
+                  values = [\"mesh.obj\", \"two.obj\", \"three.obj\"]\n";
+    let folder = folder_with(tracks);
+    for name in ["mesh", "two", "three"] {
+        folder.write(&format!("{name}.obj"), &format!("mtllib of-{name}.mtl\n{MESH}"));
+    }
+    let noted = |frames: &str| {
+        let notes = animate(&folder, &["--frames", frames, "--force"])["notes"].to_string();
+        ["mesh", "two", "three"].map(|name| notes.matches(&format!("`of-{name}.mtl`")).count())
+    };
+    assert_eq!(noted("1"), [1, 0, 0]);
+    assert_eq!(noted("2..3"), [0, 1, 1]);
+}
+
+#[test]
 fn a_single_picture_is_the_first_frame_and_says_so() {
     let folder = folder_with(TRACKS);
     let device = device();

@@ -297,8 +297,8 @@ fn with_wrong_times(mut notes: Vec<String>, cast: &Cast, device: &DeviceInfo) ->
     notes
 }
 
-/// Returns the notes about soft light with one sample, about options for the display, about the verification, and
-/// about a raycl that was built from uncommitted sources.
+/// Returns the notes about soft light with one sample, about options without effect, about the verification, and about
+/// a raycl that was built from uncommitted sources.
 fn last_notes(
     args: &Args,
     scene: &Scene,
@@ -306,6 +306,7 @@ fn last_notes(
     verified: Option<&Verification>,
 ) -> impl Iterator<Item = String> {
     let of_picture = hard(scene, sampling.most).into_iter().chain(undisplayed(args, sampling));
+    let of_picture = of_picture.chain(unadapted(args, sampling));
     of_picture.chain(verified.and_then(Verification::note)).chain(dirty_program())
 }
 
@@ -333,6 +334,12 @@ fn undisplayed(args: &Args, sampling: Sampling) -> Option<String> {
             "{options} {change} the values of surfaces in '{name}': the file contains radiance; a .png or .jpg contains displayed colours"
         )
     })
+}
+
+/// Returns a note if `--adaptive` is given with a single sample per pixel.
+fn unadapted(args: &Args, sampling: Sampling) -> Option<String> {
+    (args.adaptive && !sampling.is_adaptive())
+        .then(|| "--adaptive has no effect with --samples 1: no pixel can get more samples".to_owned())
 }
 
 /// Returns a note if each pixel gets only one sample, and the scene has a sky, or lights with an extent (a radius or
@@ -419,6 +426,9 @@ fn load(args: &Args) -> Result<Loaded> {
         && may_replace(args, animation.frames)
     {
         animation.find_files();
+    }
+    if let Some(animation) = loaded.animation.as_ref().filter(|_| args.motion.animates()) {
+        loaded.notes.extend(animation.notes_on_tracks());
     }
     if !args.motion.moves() {
         targets(args).iter().try_for_each(refuse_scene_file)?;
@@ -603,6 +613,8 @@ mod tests {
             "the turntable shows the scene as in the first of 3 frames: --animate instead of --turntable";
         assert!(turning.contains(first) && !turning.contains("the picture"), "{turning}");
         assert!(!notes(&["--animate"]).contains("--animate"));
+        let no_track = "the animation has no track, so all frames are equal";
+        assert!(notes(&["--animate"]).contains(no_track) && !still.contains(no_track));
     }
 
     #[test]
@@ -638,6 +650,20 @@ mod tests {
         assert!(with_area(&[0.0, 0.0]).is_some_and(|note| note.starts_with("1 light has edges:")));
         let both = with_area(&[0.0, 0.5]);
         assert!(both.is_some_and(|note| note.starts_with("several lights have a radius or edges:")));
+    }
+
+    #[test]
+    fn adaptive_sampling_with_one_sample_is_noted() {
+        let noted = |options: &[&str]| {
+            let args = args(&[&["a.toml"], options].concat());
+            unadapted(&args, sampling(&args, false)).is_some()
+        };
+        assert!(noted(&["--adaptive", "--samples", "1"]));
+        assert!(
+            !noted(&["--adaptive", "--samples", "2"])
+                && !noted(&["--adaptive"])
+                && !noted(&["--samples", "1"])
+        );
     }
 
     #[test]

@@ -399,7 +399,8 @@ impl Live {
 }
 
 /// Loads the scene. If raycl places the camera, the camera is so far away that the whole scene is visible from several
-/// angles all around. If the scene is animated, a note says that the view shows only its first frame.
+/// angles all around. Notes say that the view shows only the first frame of an animation, and black in place of a
+/// transparent background.
 fn load(subject: &Subject, dressed: bool) -> Result<Loaded> {
     let mut loaded = subject.load(true, dressed)?;
     let frames = loaded.animation.as_ref().map_or(1, |animation| animation.frames);
@@ -407,6 +408,9 @@ fn load(subject: &Subject, dressed: bool) -> Result<Loaded> {
         let frames = counted(frames as usize, "frame");
         let note = format!("the view shows the first of {frames}: `raycl render --animate` renders all");
         loaded.notes.push(note);
+    }
+    if loaded.scene.transparent {
+        loaded.notes.push("the view shows a transparent background as black".to_owned());
     }
     Ok(loaded)
 }
@@ -577,6 +581,18 @@ mod tests {
         write(1);
         live.reload().expect("it can be read");
         assert!(live.loaded().notes.is_empty(), "{:?}", live.loaded().notes);
+    }
+
+    #[test]
+    fn a_note_says_that_a_transparent_background_is_black() {
+        let noted = |options: &[&str]| {
+            live(options, 1)
+                .loaded()
+                .notes
+                .iter()
+                .any(|note| note.contains("transparent background as black"))
+        };
+        assert!(noted(&["--background", "transparent"]) && !noted(&["--background", "black"]));
     }
 
     #[test]
