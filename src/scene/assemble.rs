@@ -100,10 +100,7 @@ pub(super) fn assemble(
     let seen_from = (wire.camera.upright(), wire.background.is_none());
     let sky =
         wire.sky.as_ref().map(|sky| sky::build(document, sky, seen_from, cache, &mut notes)).transpose()?;
-    let dark = match studio {
-        None => note_dark(document, &lights, sky.as_ref(), bounds),
-        Some(_) => None,
-    };
+    let dark = note_dark(document, &lights, sky.as_ref(), bounds).filter(|_| studio.is_none());
     let own_triangles = mesh.triangles.len();
     studio.iter().for_each(|studio| add_ground(studio, &wire, &mut mesh, &mut starts));
     let brightness = Brightness::of(&mesh, cache.bounds(&mesh), lights.len(), shadow_bias);
