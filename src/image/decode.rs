@@ -97,7 +97,11 @@ fn header_segments(bytes: &[u8]) -> impl Iterator<Item = (u8, &[u8])> {
 /// Returns the segments of a JPEG up to the header of its first scan: for each, the second byte of its marker, its
 /// data, and the bytes of the file after the segment.
 pub(super) fn segments(bytes: &[u8]) -> impl Iterator<Item = (u8, &[u8], &[u8])> {
-    let mut rest = bytes.get(2..).unwrap_or_default();
+    segments_of(bytes.get(2..).unwrap_or_default())
+}
+
+/// Returns the segments of a JPEG at the beginning of `rest`, up to the header of the next scan.
+pub(super) fn segments_of(mut rest: &[u8]) -> impl Iterator<Item = (u8, &[u8], &[u8])> {
     std::iter::from_fn(move || {
         while let [MARKER, MARKER, ..] = rest {
             rest = &rest[1..];

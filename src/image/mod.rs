@@ -16,6 +16,7 @@ mod icc;
 mod incoming;
 mod jpeg;
 mod jpeg_scan;
+mod jpeg_scans;
 mod layers;
 mod movie;
 mod png_chunks;

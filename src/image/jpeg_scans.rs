@@ -1,0 +1,101 @@
+//! Checks that no scan of a progressive JPEG (ITU-T T.81, annex G) is missing. Each scan has some bits of some of a
+//! component's 64 coefficients. The decoder shows a picture without its last scans, blurred or in wrong colours.
+
+use super::decode::segments_of;
+use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
+
+/// The second byte of the marker of a progressive frame with Huffman coding.
+const PROGRESSIVE: u8 = 0xc2;
+
+/// Returns true if a progressive JPEG has no scan with the last bit of a coefficient. Programs write all bits of all
+/// coefficients, so the file was cut off, and perhaps ended by another program. Returns false for other JPEGs, and if
+/// the header of the frame is not valid.
+pub(super) fn are_missing(bytes: &[u8]) -> bool {
+    // For each component, its name in the file, and the coefficients whose last bits are missing.
+    let mut components: Vec<(u8, u64)> = Vec::new();
+    let mut rest = bytes.get(2..).unwrap_or_default();
+    while let Some(scan) = pass_header(rest, &mut components) {
+        rest = scan;
+    }
+    components.iter().any(|(_, missing)| *missing != 0)
+}
+
+/// Reads the segments up to the header of the next scan. Returns the bytes after this scan; `None` if there is no scan.
+fn pass_header<'a>(rest: &'a [u8], components: &mut Vec<(u8, u64)>) -> Option<&'a [u8]> {
+    for (kind, data, after) in segments_of(rest) {
+        match kind {
+            PROGRESSIVE => {
+                *components = data.get(6..)?.chunks_exact(3).map(|part| (part[0], u64::MAX)).collect()
+            }
+            START_OF_SCAN => {
+                let names = data.get(1..1 + 2 * usize::from(*data.first()?))?;
+                let [start, end, bits] = *data.get(1 + names.len()..)?.first_chunk()?;
+                if start <= end && end < 64 && bits & 15 == 0 {
+                    let coefficients = u64::MAX >> (63 - (end - start)) << start;
+                    let is_named = |name: u8| names.chunks_exact(2).any(|named| named[0] == name);
+                    let named = components.iter_mut().filter(|(name, _)| is_named(*name));
+                    named.for_each(|(_, missing)| *missing &= !coefficients);
+                }
+                return pass_scan(after);
+            }
+            // Another picture may follow.
+            kind if kind == END_OF_IMAGE[1] => return None,
+            _ => {}
+        }
+    }
+    None
+}
+
+/// Returns the bytes from the first marker after a scan on.
+fn pass_scan(rest: &[u8]) -> Option<&[u8]> {
+    // A zero, or the number of a restart, does not end the scan.
+    let ends = |pair: &[u8]| pair[0] == MARKER && !matches!(pair[1], 0 | 0xd0..=0xd7 | MARKER);
+    rest.windows(2).position(ends).map(|at| &rest[at..])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns a progressive JPEG with the components 1 and 2, and with these scans: the names of their components, the
+    /// first and the last coefficient, and the number of the last bit.
+    fn of_scans(scans: &[(&[u8], [u8; 2], u8)]) -> Vec<u8> {
+        let frame = [MARKER, 0xd8, MARKER, PROGRESSIVE, 0, 14, 8, 0, 8, 0, 8, 2, 1, 0x11, 0, 2, 0x11, 0];
+        let scan = |(names, [start, end], bit): &(&[u8], [u8; 2], u8)| {
+            let named: Vec<u8> = names.iter().flat_map(|name| [*name, 0]).collect();
+            let length = 6 + named.len() as u8;
+            let header =
+                [&[MARKER, START_OF_SCAN, 0, length, names.len() as u8][..], &named, &[*start, *end, *bit]];
+            [&header.concat()[..], &[7, MARKER, 0, MARKER, 0xd0, 9]].concat()
+        };
+        [&frame[..], &scans.iter().flat_map(scan).collect::<Vec<_>>(), &[MARKER, 0xd9]].concat()
+    }
+
+    #[test]
+    fn every_coefficient_of_a_progressive_picture_needs_a_scan_with_its_last_bit() {
+        let all: [(&[u8], [u8; 2], u8); 5] = [
+            (&[1, 2], [0, 0], 0x01),
+            (&[2], [1, 63], 0),
+            (&[1], [1, 63], 0x01),
+            (&[1], [1, 63], 0x10),
+            (&[1, 2], [0, 0], 0x10),
+        ];
+        assert!(!are_missing(&of_scans(&all)));
+        let more = [&of_scans(&all)[..], &of_scans(&all[..1])].concat();
+        assert!(!are_missing(&more), "another picture follows");
+        assert!((0..5).all(|count| are_missing(&of_scans(&all[..count]))));
+        let without = |number: usize| are_missing(&of_scans(&[&all[..number], &all[number + 1..]].concat()));
+        assert_eq!([0, 1, 2, 3, 4].map(without), [false, true, false, true, true]);
+        let split = [(&[1_u8, 2][..], [0, 0], 0), (&[2], [1, 63], 0), (&[1], [1, 8], 0), (&[1], [9, 63], 0)];
+        assert!(!are_missing(&of_scans(&split)) && are_missing(&of_scans(&split[..3])));
+    }
+
+    #[test]
+    fn what_is_not_progressive_or_damaged_in_its_header_has_no_missing_scans() {
+        let mut other = of_scans(&[(&[1], [0, 63], 0)]);
+        assert!(are_missing(&other));
+        assert!(!are_missing(&[&other[..], b"\xff\xd9"].concat()[..2]) && !are_missing(&[]));
+        other[3] = 0xc0;
+        assert!(!are_missing(&other));
+    }
+}
