@@ -2,7 +2,7 @@
 
 use super::needed::has_number;
 use crate::scene::files::colours;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use ply_rs_bw::ply::{ElementDef, Property, PropertyType, ScalarType};
 
 /// The names of the colour channels of vertices and faces. Each row of this table has the names of red, green and
@@ -109,52 +109,78 @@ fn full_channel(property: &Property) -> f64 {
     }
 }
 
-/// Checks the range of colours whose channels all have the same type of whole numbers. `element` is the definition of
-/// the colours' elements, and `colours` returns the colours.
+/// Checks the range of colours whose channels have types of whole numbers. `element` is the definition of the colours'
+/// elements, and `colours` returns the colours.
 ///
-/// Some programs write channels from 0 to 255 in the type `ushort`. If none of these channels is larger than 255, all
-/// colours would be almost black, so the channels count as numbers from 0 to 255, with a note. Colours are
-/// also almost black if channels of 10 bits or fewer are in the type `ushort`, or if no channel of another type is
-/// larger than 1; this causes only a note.
+/// Some programs write channels from 0 to 255 in the type `ushort`. If none of these channels is larger than 255, they
+/// would be almost black, so they count as numbers from 0 to 255, with a note. Colours are also almost black if
+/// channels of 10 bits or fewer are in the type `ushort`, or if no channel of another type is larger than 1; this
+/// causes only a note.
 pub(super) fn check_range<'a>(
     element: &ElementDef,
     colours: impl FnOnce() -> Vec<&'a mut Colour>,
 ) -> Option<String> {
-    let kind = channel_type(element)?;
-    let (full, doubtful) = match kind {
-        ScalarType::UShort => (FULL_OF_16_BITS, MOST_OF_TEN_BITS),
-        ScalarType::Char => (127.0, 1.0),
-        ScalarType::Float | ScalarType::Double => return None,
-        _ => (255.0, 1.0),
-    };
-    let mut colours = colours();
-    let largest = |of: fn(&Colour) -> f32| colours.iter().map(|colour| of(colour)).fold(0.0, f32::max);
-    let [channel, alpha] = [largest(|colour| colour.channels.max_element()), largest(|colour| colour.alpha)];
-    if channel == 0.0 || channel > (doubtful / full) as f32 {
-        return None;
+    let kinds = channel_types(element)?;
+    let is_wide = kinds.map(|kind| kind == Some(&ScalarType::UShort));
+    if is_wide.contains(&true) {
+        return check_wide(is_wide, colours());
     }
-    let most = (1.0 / WIDE_TO_BYTES) as f32;
-    if *kind != ScalarType::UShort || channel > most {
-        return Some(format!(
-            "channels of colours count as numbers from 0 to {full}, but none is larger than {doubtful}"
-        ));
-    }
-    for colour in &mut colours {
-        colour.channels *= WIDE_TO_BYTES as f32;
-        colour.alpha *= if alpha > most { 1.0 } else { WIDE_TO_BYTES as f32 };
-    }
-    Some(
-        "channels of colours count as numbers from 0 to 255, not to 65535, since none is larger than 255"
-            .to_owned(),
-    )
+    let [red, green, blue, _] = kinds.map(|kind| kind.and_then(full_of_whole));
+    let full = red.filter(|_| red == green && red == blue)?;
+    let largest = colours().iter().map(|colour| colour.channels.max_element()).fold(0.0, f32::max);
+    (largest > 0.0 && largest <= (1.0 / full) as f32).then(|| doubtful(full, 1.0))
 }
 
-/// Returns the type of an element's red, green and blue; `None` if the three differ, or if there is no colour.
-fn channel_type(element: &ElementDef) -> Option<&ScalarType> {
+/// Checks the range of colours of which some channels have the type `ushort`: those for which `is_wide` is true.
+fn check_wide(is_wide: [bool; 4], mut colours: Vec<&mut Colour>) -> Option<String> {
+    let largest = colours.iter().map(|colour| colour.channels.extend(colour.alpha));
+    let largest = largest.fold(Vec4::ZERO, Vec4::max).to_array();
+    let most = (1.0 / WIDE_TO_BYTES) as f32;
+    let is_coloured = is_wide[..3].contains(&true);
+    let wide = (0..3).filter(|channel| is_wide[*channel]).map(|channel| largest[channel]).fold(0.0, f32::max);
+    if is_coloured && (wide == 0.0 || wide > most) {
+        let is_doubtful = wide > 0.0 && wide <= (MOST_OF_TEN_BITS / FULL_OF_16_BITS) as f32;
+        let are_all = is_wide[..3] == [true; 3];
+        return (is_doubtful && are_all).then(|| doubtful(FULL_OF_16_BITS, MOST_OF_TEN_BITS));
+    }
+    let factor = |channel: usize| match is_wide[channel] && largest[channel] <= most {
+        true => WIDE_TO_BYTES as f32,
+        false => 1.0,
+    };
+    let [red, green, blue, alpha] = [0, 1, 2, 3].map(factor);
+    for colour in &mut colours {
+        colour.channels *= Vec3::new(red, green, blue);
+        colour.alpha *= alpha;
+    }
+    let kind = if is_wide[..3] == [true; 3] { "" } else { " of the type ushort" };
+    is_coloured.then(|| {
+        format!(
+            "channels of colours{kind} count as numbers from 0 to 255, not to 65535, since none is larger than 255"
+        )
+    })
+}
+
+/// Returns the note on colours that are almost black, since no channel is larger than `most`.
+fn doubtful(full: f64, most: f64) -> String {
+    format!("channels of colours count as numbers from 0 to {full}, but none is larger than {most}")
+}
+
+/// Returns the value of a channel at full intensity, if channels of this type are whole numbers.
+fn full_of_whole(kind: &ScalarType) -> Option<f64> {
+    match kind {
+        ScalarType::Float | ScalarType::Double => None,
+        ScalarType::UShort => Some(FULL_OF_16_BITS),
+        ScalarType::Char => Some(127.0),
+        _ => Some(255.0),
+    }
+}
+
+/// Returns the types of an element's red, green, blue and alpha; `None` if there is no colour. The type of a missing
+/// alpha is `None`.
+fn channel_types(element: &ElementDef) -> Option<[Option<&ScalarType>; 4]> {
     let kind = |name: &str| match &element.properties.get(name)?.data_type {
         PropertyType::Scalar(kind) => Some(kind),
         PropertyType::List(..) => None,
     };
-    let [red, green, blue, _] = channels(element)?;
-    kind(red).filter(|own| kind(green) == Some(own) && kind(blue) == Some(own))
+    Some(channels(element)?.map(kind))
 }

@@ -715,8 +715,38 @@ fn an_error_about_a_missing_property_lists_at_most_eight_others() {
 }
 
 #[test]
-fn channels_of_different_types_keep_their_ranges() {
-    let text = SQUARE.replacen("property uchar red", "property ushort red", 1);
-    let notes = parse("a.ply", text.as_bytes()).unwrap().notes;
-    assert!(!notes.iter().any(|note| note.starts_with("channels of colours")), "{notes:?}");
+fn channels_of_different_types_have_ranges_of_their_own() {
+    let file = |kinds: [&str; 3], red: &str| {
+        let of = |text: String, (name, kind): (&str, &str)| {
+            text.replace(&format!("property uchar {name}"), &format!("property {kind} {name}"))
+        };
+        let text = ["red", "green", "blue"].into_iter().zip(kinds).fold(SQUARE.to_owned(), of);
+        let file = parse("a.ply", text.replace(" 255 0 0\n", &format!(" {red} 0 0\n")).as_bytes()).unwrap();
+        let note = file.notes.into_iter().find(|note| note.starts_with("channels of colours"));
+        (file.mesh.materials[0].lambertian.x, note)
+    };
+    let (narrow, note) = file(["ushort", "uchar", "uchar"], "255");
+    let expected = "channels of colours of the type ushort count as numbers from 0 to 255, not to 65535, since none is \
+                    larger than 255";
+    assert!(narrow > 0.999 && note.as_deref() == Some(expected), "{narrow} {note:?}");
+    assert_eq!(file(["ushort", "uchar", "float"], "65535"), (1.0, None));
+    assert_eq!(file(["uchar", "ushort", "ushort"], "255"), (1.0, None));
+    let dark = "channels of colours count as numbers from 0 to 255, but none is larger than 1";
+    assert_eq!(file(["uchar", "int", "short"], "1").1.as_deref(), Some(dark));
+    assert_eq!(file(["float", "uchar", "uchar"], "1"), (1.0, None));
+    assert_eq!(file(["uchar", "float", "float"], "1").1, None);
+    // The green of this colour is 255, and its blue is 0.
+    let (red, _) = file(["float", "ushort", "uchar"], "0.001 255");
+    assert!(red < 0.001, "{red}");
+}
+
+#[test]
+fn alpha_of_16_bits_beside_colours_of_8_bits_may_have_8_bits() {
+    let notes = |alpha: &str| {
+        let text = SQUARE.replace("property uchar blue\n", "property uchar blue\nproperty ushort alpha\n");
+        parse("a.ply", text.replace(" 255 0 0\n", &format!(" 255 0 0 {alpha}\n")).as_bytes()).unwrap().notes
+    };
+    let is_noted = |alpha| notes(alpha).iter().any(|note| note.starts_with("alpha of 4 vertices"));
+    assert_eq!(["255", "254", "256", "65535", "0"].map(is_noted), [false, true, true, false, true]);
+    assert!(!notes("255").iter().any(|note| note.starts_with("channels")));
 }
