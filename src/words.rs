@@ -22,6 +22,11 @@ pub fn counted_of(part: usize, all: usize, what: &str) -> String {
     format!("{} of {}", grouped(part), counted(all, what))
 }
 
+/// Formats a part of a count with the noun and the verb: "1 of 4 points is", "2 of 4 points are", "1 of 1 point is".
+pub fn counted_of_are(part: usize, all: usize, what: &str) -> String {
+    format!("{} {}", counted_of(part, all, what), if part == 1 { "is" } else { "are" })
+}
+
 /// Formats a part of a count with the noun and the verb: "1 of 4 points was", "2 of 4 points were", "1 of 1 point was".
 pub fn counted_of_were(part: usize, all: usize, what: &str) -> String {
     format!("{} {}", counted_of(part, all, what), if part == 1 { "was" } else { "were" })

@@ -21,11 +21,12 @@ use crate::reader::Kind;
 use crate::words::{counted, counted_are};
 use flaw::Named;
 use glam::{DVec3, Vec3};
+use origin::Limit;
 use std::path::Path;
 
 pub(in crate::scene) use colours::{is_outside, linear, note_clear, note_outside, paint};
 pub(in crate::scene) use lights::{FileLight, note as note_lights, of_file as lights_of_file};
-pub(in crate::scene) use origin::{Placement, is_valid, placement_of};
+pub(in crate::scene) use origin::{LARGEST, Placement, is_valid, note_inexact, placement_of};
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_for};
 
 /// Memory needed to read a mesh, as a multiple of the file's size. The memory contains the file's bytes and,
@@ -153,10 +154,11 @@ pub(in crate::scene) fn read(
     }
     let reach = Reach { folder, permitted };
     let named = Named { name: &name, quotes: permitted.quotes };
+    let limit = Limit::of(permitted.scaled);
     let mut file = match format {
         MeshFormat::Obj => obj::parse(&name, reach, &bytes),
-        MeshFormat::Ply => ply::parse(named, &bytes),
-        MeshFormat::Stl => stl::parse(named, &bytes),
+        MeshFormat::Ply => ply::parse(named, &bytes, limit),
+        MeshFormat::Stl => stl::parse(named, &bytes, limit),
         MeshFormat::Gltf | MeshFormat::Glb => gltf::parse(&name, reach, &bytes),
     }?;
     if file.mesh.triangles.is_empty() {

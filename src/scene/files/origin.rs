@@ -6,8 +6,13 @@ use super::flaw::Flaw;
 use crate::scene::Camera;
 use crate::scene::mesh::{Triangle, are_apart};
 use crate::scene::validate::MAX_COORDINATE;
+use crate::words::counted_of_are;
 use glam::{DVec3, Vec3};
+use std::borrow::Cow;
 
+/// The largest valid coordinate of a mesh that may be scaled. The distance between two points within this
+/// limit is finite in double precision.
+pub(in crate::scene) const LARGEST: f64 = 1e300;
 /// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. At this
 /// distance, coordinates in single precision are 16 times as coarse as they would be at a distance of one radius.
 const FAR_RADII: f64 = 16.0;
@@ -22,6 +27,62 @@ const LARGEST_RADIUS: f64 = 1e9;
 
 /// A triangle is inexact if rounding changes one of its sides by more than this part of its longest side.
 const INEXACT: f64 = 1.0 / 64.0;
+/// A triangle can only be inexact if its longest side is shorter than this many steps between neighbouring numbers of
+/// single precision. Rounding changes each coordinate of a side by at most one step.
+const FEW_STEPS: f32 = 128.0;
+/// In a file of single precision, triangles whose sides are at most this many steps long are probably inexact.
+const COARSE_STEPS: f32 = 16.0;
+/// Number of triangles that show whether those of a whole mesh are examined. The others would take time.
+const SAMPLE: usize = 1024;
+
+/// Which coordinates of a mesh file are valid.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Limit {
+    /// Coordinates within +-`MAX_COORDINATE`.
+    Usual,
+    /// Coordinates within +-[`LARGEST`], since the mesh may be scaled.
+    Large,
+}
+
+impl Limit {
+    /// Returns the limit for a mesh, depending on whether it may be scaled.
+    pub fn of(scaled: bool) -> Self {
+        if scaled { Self::Large } else { Self::Usual }
+    }
+
+    /// Returns true if a position is finite and within this limit.
+    pub fn has(self, position: &DVec3) -> bool {
+        match self {
+            Self::Usual => is_valid(position),
+            Self::Large => position.is_finite() && position.abs().max_element() <= LARGEST,
+        }
+    }
+
+    /// Returns the largest valid coordinate, for messages.
+    pub fn shown(self) -> String {
+        match self {
+            Self::Usual => format!("{MAX_COORDINATE:e}"),
+            Self::Large => format!("{LARGEST:e}"),
+        }
+    }
+
+    /// Returns the mistake that a position is not valid. `vertex` names the vertex at this position as the file's
+    /// author knows it.
+    pub fn invalid(self, vertex: &str, position: &DVec3) -> Flaw {
+        let expected = format!("expected finite coordinates within +-{}", self.shown());
+        Flaw::quoting(
+            format!("{vertex} is at {position}; {expected}"),
+            format!("{vertex} is not valid; {expected}"),
+        )
+    }
+
+    /// Returns an error if a triangle has a position that is not valid.
+    fn check(self, positions: &[DVec3], triangles: &[Triangle]) -> Result<(), Flaw> {
+        let mut used = triangles.iter().flat_map(|triangle| triangle.positions).map(|corner| corner as usize);
+        let Some(vertex) = used.find(|&vertex| !self.has(&positions[vertex])) else { return Ok(()) };
+        Err(self.invalid(&format!("vertex {vertex}"), &positions[vertex]))
+    }
+}
 
 /// How a mesh is moved and scaled before its positions are rounded to single precision: a vector is
 /// subtracted from each position, and the result is multiplied by a power of two.
@@ -138,18 +199,24 @@ fn length(vector: DVec3) -> f64 {
 /// no ray hits, do not count if there are others. Positions that no triangle uses need not be finite:
 /// scanners write NaN or zeros for points that they did not measure. Returns an error if a triangle uses a position
 /// that is not valid.
-pub(super) fn settle(positions: &[DVec3], triangles: &[Triangle]) -> Result<(Vec<Vec3>, Placement), Flaw> {
-    settle_if(positions, triangles, |_| true)
+pub(super) fn settle(
+    positions: &[DVec3],
+    triangles: &[Triangle],
+    limit: Limit,
+) -> Result<(Vec<Vec3>, Placement), Flaw> {
+    settle_if(positions, triangles, limit, |_| true)
 }
 
-/// Does the same as [`settle`], but scales the mesh only if `fits` returns true for the placement.
+/// Does the same as [`settle`], but scales the mesh only if `fits` returns true for the placement. If it returns false,
+/// positions must be within the usual limit.
 pub(super) fn settle_if(
     positions: &[DVec3],
     triangles: &[Triangle],
+    limit: Limit,
     fits: impl Fn(&Placement) -> bool,
 ) -> Result<(Vec<Vec3>, Placement), Flaw> {
-    if !positions.iter().all(is_valid) {
-        check(positions, triangles)?;
+    if !positions.iter().all(|position| limit.has(position)) {
+        limit.check(positions, triangles)?;
     }
     let corners = |triangle: &Triangle| triangle.positions.map(|corner| &positions[corner as usize]);
     let is_visible = |triangle: &&Triangle| are_apart(&corners(triangle));
@@ -160,18 +227,34 @@ pub(super) fn settle_if(
     } else {
         placement_of(triangles.iter().flat_map(corners))
     };
-    let placement = if fits(&wanted) { wanted } else { Placement { scale: 1.0, ..wanted } };
+    let placement = match fits(&wanted) {
+        true => wanted,
+        false => {
+            Limit::Usual.check(positions, triangles)?;
+            Placement { scale: 1.0, ..wanted }
+        }
+    };
     // A position that is not valid, and that no triangle uses, is replaced by a position that does not
     // enlarge the mesh.
-    let instead = positions.iter().copied().find(is_valid).unwrap_or(placement.origin);
-    let settled = |position: &DVec3| placement.settled(if is_valid(position) { *position } else { instead });
+    let instead = positions.iter().copied().find(|position| limit.has(position)).unwrap_or(placement.origin);
+    let settled = |position: &DVec3| placement.settled(if limit.has(position) { *position } else { instead });
     Ok((positions.iter().map(settled).collect(), placement))
 }
 
-/// Returns true if the shape of a mesh changes when its positions are rounded to single precision: if, for most of its
-/// `triangles`, the rounding changes a side by more than the part [`INEXACT`] of the triangle's longest side. `exact`
-/// has the positions in the file, and `settled` has them after they were moved, multiplied by `scale` and rounded.
-pub(super) fn is_distorted(triangles: &[Triangle], exact: &[DVec3], settled: &[Vec3], scale: f64) -> bool {
+/// Returns the number of inexact `triangles` if they are most of all, and `None` otherwise. A triangle is inexact if
+/// the rounding of its corners to single precision changes one of its sides by more than the part [`INEXACT`] of its
+/// longest side. `settled` has the positions after they were moved, multiplied by `scale` and rounded, and `exact`
+/// returns the positions in the file. It is called only if a sample of the triangles shows that many could be inexact.
+pub(in crate::scene) fn inexact<'a>(
+    triangles: &[Triangle],
+    settled: &[Vec3],
+    scale: f64,
+    exact: impl FnOnce() -> Cow<'a, [DVec3]>,
+) -> Option<usize> {
+    if !may_be_inexact(triangles, settled) {
+        return None;
+    }
+    let exact = exact();
     let is_inexact = |triangle: &&Triangle| {
         let [a, b, c] = triangle.positions.map(|corner| corner as usize);
         let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| {
@@ -184,13 +267,64 @@ pub(super) fn is_distorted(triangles: &[Triangle], exact: &[DVec3], settled: &[V
             .fold([0.0_f64; 2], |[longest, most], (side, change)| [longest.max(side), most.max(change)]);
         change > INEXACT * INEXACT * longest
     };
-    2 * triangles.iter().filter(is_inexact).count() > triangles.len()
+    let count = triangles.iter().filter(is_inexact).count();
+    (2 * count > triangles.len()).then_some(count)
+}
+
+/// Returns true if at least a quarter of a sample of the triangles is so small that they could be inexact.
+fn may_be_inexact(triangles: &[Triangle], settled: &[Vec3]) -> bool {
+    let is_small =
+        |triangle: &&Triangle| is_small(triangle.positions.map(|i| settled[i as usize]), FEW_STEPS);
+    4 * sample(triangles).filter(is_small).count() >= sample(triangles).count().max(1)
+}
+
+fn sample(triangles: &[Triangle]) -> impl Iterator<Item = &Triangle> {
+    triangles.iter().step_by(triangles.len().div_ceil(SAMPLE).max(1))
+}
+
+/// Returns true if no side of a triangle is longer than this many steps of single precision at the triangle's place.
+fn is_small([a, b, c]: [Vec3; 3], steps: f32) -> bool {
+    let sides = [b - a, c - b, a - c].map(|side| side.abs().max_element());
+    let farthest = a.abs().max(b.abs()).max(c.abs()).max_element();
+    sides.into_iter().fold(0.0, f32::max) <= steps * f32::EPSILON * farthest
+}
+
+/// Returns a note on a file that stores positions in single precision, if the sides of most triangles are only a few
+/// steps of single precision long. The program that wrote the file then probably rounded their corners. It did not if
+/// the last bits of the farthest coordinates are zeros, as in a grid of whole numbers.
+pub(super) fn note_coarse(triangles: &[Triangle], exact: &[DVec3]) -> Option<String> {
+    let corners = |triangle: &Triangle| triangle.positions.map(|index| exact[index as usize].as_vec3());
+    let has_last_bit = |corner: Vec3| corner.abs().max_element().to_bits() & 1 == 1;
+    let is_coarse = |triangle: &&Triangle| {
+        let corners = corners(triangle);
+        is_small(corners, COARSE_STEPS) && corners.into_iter().any(has_last_bit)
+    };
+    let are_most = 2 * sample(triangles).filter(is_coarse).count() > sample(triangles).count();
+    are_most.then(|| {
+        "the file stores positions in single precision, which is coarse so far from the origin: the shapes of most \
+         triangles may be inexact"
+            .to_owned()
+    })
+}
+
+/// Returns a note on a mesh of which most triangles are inexact (see [`inexact`]).
+pub(in crate::scene) fn note_inexact<'a>(
+    triangles: &[Triangle],
+    settled: &[Vec3],
+    scale: f64,
+    exact: impl FnOnce() -> Cow<'a, [DVec3]>,
+) -> Option<String> {
+    let count = inexact(triangles, settled, scale, exact)?;
+    let are = counted_of_are(count, triangles.len(), "triangle");
+    Some(format!(
+        "{are} shown with inexact shapes: so far from the origin, they are too small for single precision"
+    ))
 }
 
 /// Returns the placement (how positions are moved and scaled) for a mesh, or for the outline of a polygon,
-/// with these positions. Positions that are not valid are ignored.
+/// with these positions. Positions that are not valid for any mesh are ignored.
 pub(in crate::scene) fn placement_of<'a>(positions: impl Iterator<Item = &'a DVec3>) -> Placement {
-    let valid = positions.filter(|position| is_valid(position));
+    let valid = positions.filter(|position| Limit::Large.has(position));
     let (low, high) = valid.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), position| {
         (low.min(*position), high.max(*position))
     });
@@ -204,23 +338,6 @@ pub(in crate::scene) fn is_valid(position: &DVec3) -> bool {
     position.is_finite() && position.as_vec3().abs().max_element() <= MAX_COORDINATE
 }
 
-/// Returns an error if a triangle has a position that is not valid.
-fn check(positions: &[DVec3], triangles: &[Triangle]) -> Result<(), Flaw> {
-    let mut used = triangles.iter().flat_map(|triangle| triangle.positions).map(|corner| corner as usize);
-    let Some(vertex) = used.find(|&vertex| !is_valid(&positions[vertex])) else { return Ok(()) };
-    Err(invalid(&format!("vertex {vertex}"), &positions[vertex]))
-}
-
-/// Returns the mistake that a position is not valid. `vertex` names the vertex at this position as the file's
-/// author knows it.
-pub(super) fn invalid(vertex: &str, position: &DVec3) -> Flaw {
-    let expected = format!("expected finite coordinates within +-{MAX_COORDINATE:e}");
-    Flaw::quoting(
-        format!("{vertex} is at {position}; {expected}"),
-        format!("{vertex} is not valid; {expected}"),
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -229,12 +346,12 @@ mod tests {
     fn a_map_is_settled_with_its_centimetres_and_a_mesh_nearby_keeps_its_bits() {
         let utm = DVec3::new(500_000.0, 5_400_000.0, 200.0);
         let corners = [utm, utm + DVec3::new(0.01, 0.0, 0.0), utm + DVec3::new(100.0, 80.0, 5.0)];
-        let (positions, placement) = settle(&corners, &[]).expect("finite positions");
+        let (positions, placement) = settle(&corners, &[], Limit::Usual).expect("finite positions");
         assert_eq!(placement.scale, 1.0);
         assert_eq!(placement.origin, (utm + DVec3::new(50.0, 40.0, 2.5)).round());
         assert!((positions[1].x - positions[0].x - 0.01).abs() < 1e-5);
         let near = [DVec3::new(0.1, 5.0, 0.0), DVec3::new(1.0, 6.0, 0.0)];
-        let (positions, placement) = settle(&near, &[]).expect("finite positions");
+        let (positions, placement) = settle(&near, &[], Limit::Usual).expect("finite positions");
         assert_eq!((positions[0], placement), (Vec3::new(0.1, 5.0, 0.0), Placement::IDENTITY));
     }
 
@@ -250,14 +367,16 @@ mod tests {
         let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
         let utm = DVec3::new(500_000.0, 5_400_000.0, 200.0);
         let map = [DVec3::ZERO, utm, utm + DVec3::X * 0.01, utm + DVec3::new(100.0, 80.0, 5.0)];
-        let (positions, placement) = settle(&map, &[triangle([1, 2, 3])]).expect("valid positions");
+        let (positions, placement) =
+            settle(&map, &[triangle([1, 2, 3])], Limit::Usual).expect("valid positions");
         assert_eq!(placement.origin, (utm + DVec3::new(50.0, 40.0, 2.5)).round());
         assert!((positions[2].x - positions[1].x - 0.01).abs() < 1e-5, "{positions:?}");
         // The last position, which no triangle uses, stays within the limit of coordinates, even if the mesh
         // is enlarged.
         for (edge, scale) in [(1.0, 1.0), (2e-9, 2_f64.powi(30))] {
             let corners = [DVec3::ZERO, DVec3::X * edge, DVec3::Y * edge, DVec3::X * 1e11];
-            let (positions, placement) = settle(&corners, &[triangle([0, 1, 2])]).expect("valid positions");
+            let (positions, placement) =
+                settle(&corners, &[triangle([0, 1, 2])], Limit::Usual).expect("valid positions");
             assert_eq!((placement.origin, placement.scale), (DVec3::ZERO, scale), "{edge:e}");
             assert!(positions[3].x >= 1e11 && positions[3].x <= MAX_COORDINATE, "{edge:e}: {positions:?}");
         }
@@ -269,7 +388,7 @@ mod tests {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::X * 1e11];
         let placement = |triangles: &[[u32; 3]]| {
             let triangles: Vec<_> = triangles.iter().copied().map(triangle).collect();
-            settle(&corners, &triangles).expect("valid positions").1
+            settle(&corners, &triangles, Limit::Usual).expect("valid positions").1
         };
         for collapsed in [[3, 3, 3], [3, 3, 0], [0, 3, 3], [3, 0, 3]] {
             assert_eq!(placement(&[collapsed, [0, 1, 2]]), Placement::IDENTITY, "{collapsed:?}");
@@ -281,7 +400,7 @@ mod tests {
     fn a_mesh_of_extreme_size_is_scaled_by_a_power_of_two_and_a_point_is_not() {
         let placed = |at: DVec3, edge: f64| {
             let corners = [at, at + DVec3::X * edge, at + DVec3::Y * edge];
-            let (positions, placement) = settle(&corners, &[]).expect("valid positions");
+            let (positions, placement) = settle(&corners, &[], Limit::Usual).expect("valid positions");
             ((positions[1] - positions[0]).as_dvec3(), placement)
         };
         for edge in [1e-300, 1e-46, 1e-30, 1e-20, 1e-10, 1e-7, 5e11, 1e12] {
@@ -307,10 +426,66 @@ mod tests {
         assert!(notes[1].contains("by 2^34 (1.7e10)"), "{notes:?}");
     }
 
+    /// The triangles have sides of 3 units. Single precision stores whole numbers exactly up to 2^24, and multiples of
+    /// 0.5 up to 2^23.
+    #[test]
+    fn a_file_of_single_precision_is_coarse_if_its_triangles_are_small_and_rounded() {
+        let is_coarse = |x: f64, count: u32| {
+            let corner =
+                |number: u32| DVec3::new(x + 3.0 * f64::from(number), 3.0 * f64::from(number % 2), 0.0);
+            let positions: Vec<_> = (0..3 * count).map(corner).collect();
+            let triangle =
+                |at: u32| Triangle { positions: [at, at + 1, at + 2], normals: [0; 3], material: 0 };
+            let triangles: Vec<_> = (0..count).map(|number| triangle(3 * number)).collect();
+            note_coarse(&triangles, &positions).is_some()
+        };
+        assert_eq!(
+            [1e3, 1e6, 5_400_000.0, 5_400_000.5].map(|x| is_coarse(x, 9)),
+            [false, false, false, true]
+        );
+        assert!(is_coarse(5_400_000.5, 5000) && !is_coarse(5_400_000.0, 5000));
+        assert!(!is_coarse(0.0, 0));
+    }
+
+    #[test]
+    fn only_a_sample_of_the_triangles_of_a_usual_mesh_is_compared_with_the_file() {
+        let triangles = |count: u32, far: u32| -> Vec<Triangle> {
+            let corners = |number| if number % 4 < far { [3, 4, 5] } else { [0, 1, 2] };
+            (0..count)
+                .map(|number| Triangle { positions: corners(number), normals: [0; 3], material: 0 })
+                .collect()
+        };
+        let far = DVec3::X * 5e6;
+        let exact = [DVec3::ZERO, DVec3::X, DVec3::Y, far, far + DVec3::X * 0.3, far + DVec3::Y * 0.3];
+        let settled = exact.map(|position| position.as_vec3());
+        let count = |count: u32, far: u32| {
+            let mut is_read = false;
+            let exact = || {
+                is_read = true;
+                Cow::Borrowed(&exact[..])
+            };
+            (inexact(&triangles(count, far), &settled, 1.0, exact), is_read)
+        };
+        assert_eq!(count(0, 0), (None, false));
+        assert_eq!(count(4, 0), (None, false));
+        for triangles in [4, 4098] {
+            assert_eq!(count(triangles, 3).0.map(|count| count > triangles as usize / 2), Some(true));
+        }
+        assert_eq!(count(4, 2), (None, true), "half are not most");
+        assert_eq!(count(4, 3), (Some(3), true));
+        // Single precision stores these positions exactly.
+        let whole = exact.map(|position| position.round());
+        let read = inexact(&triangles(4, 4), &whole.map(|position| position.as_vec3()), 1.0, || {
+            Cow::Borrowed(&whole[..])
+        });
+        assert_eq!(read, None);
+    }
+
     #[test]
     fn a_mesh_is_not_scaled_if_something_else_of_its_file_does_not_fit() {
         let corners = [DVec3::ZERO, DVec3::X * 1e-9];
-        let (positions, placement) = settle_if(&corners, &[], |_| false).expect("valid positions");
+        let (positions, placement) =
+            settle_if(&corners, &[], Limit::Usual, |_| false).expect("valid positions");
         assert_eq!((positions[1], placement), (Vec3::X * 1e-9, Placement::IDENTITY));
     }
 
@@ -319,8 +494,9 @@ mod tests {
         for x in [f64::NAN, f64::INFINITY, 1e13] {
             let positions = [DVec3::ONE, DVec3::X * x];
             let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
-            assert!(settle(&positions, &[triangle([0, 0, 1])]).is_err(), "{x}");
-            let (settled, placement) = settle(&positions, &[triangle([0; 3])]).expect("valid positions");
+            assert!(settle(&positions, &[triangle([0, 0, 1])], Limit::Usual).is_err(), "{x}");
+            let (settled, placement) =
+                settle(&positions, &[triangle([0; 3])], Limit::Usual).expect("valid positions");
             assert_eq!(
                 settled.iter().map(|p| p.as_dvec3() + placement.origin).collect::<Vec<_>>(),
                 [DVec3::ONE; 2],

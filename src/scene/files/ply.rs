@@ -12,7 +12,7 @@ use super::MeshFile;
 use super::colours;
 use super::flaw::{Flaw, Named};
 use super::note_points;
-use super::origin::{is_valid, placement_of, settle};
+use super::origin::{Limit, note_coarse, note_inexact, placement_of, settle};
 use crate::error::Result;
 use crate::memory::Available;
 use crate::scene::material::Material;
@@ -26,6 +26,7 @@ use glam::{DVec3, Vec3};
 use header::Tidied;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyType, ScalarType, Version};
+use std::borrow::Cow;
 
 /// Memory for a vertex while a file is read, in bytes: the vertex itself, its position in double and in
 /// single precision, its normal and its colour.
@@ -58,8 +59,8 @@ const NAMED_ENDINGS: [&str; 16] = [
     "tiff", "webp",
 ];
 
-/// Reads a PLY file from its bytes.
-pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
+/// Reads a PLY file from its bytes. The vertices of faces must be within `limit`.
+pub(super) fn parse(named: Named<'_>, bytes: &[u8], limit: Limit) -> Result<MeshFile> {
     let Tidied { header: text, payload, strange, names } =
         header::tidied(bytes).map_err(|flaw| named.error(flaw))?;
     let mut header =
@@ -88,7 +89,7 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
     for (name, element) in &header.elements {
         parts.read(name, element, &header, &mut elements).map_err(|flaw| named.error(flaw))?;
     }
-    let mut file = parts.mesh(named.quotes, &header).map_err(|flaw| named.error(flaw))?;
+    let mut file = parts.mesh(named.quotes, &header, limit).map_err(|flaw| named.error(flaw))?;
     if strange > 0 {
         let they_do = if strange == 1 { "it does" } else { "they do" };
         file.notes.push(format!(
@@ -165,6 +166,16 @@ fn least_bytes(header: &Header, kind: &PropertyType) -> u64 {
 fn has(header: &Header, element: &str, names: [&str; 3]) -> bool {
     let element = header.elements.get(element);
     names.iter().all(|name| element.is_some_and(|element| needed::has_number(element, name)))
+}
+
+/// Returns true if the coordinates of vertices are stored in single precision. Numbers in ASCII may have more digits,
+/// whatever their type is.
+fn has_single_precision(header: &Header) -> bool {
+    let is_float = |element: &ElementDef| {
+        let x = element.properties.get("x").map(|property| &property.data_type);
+        x == Some(&PropertyType::Scalar(ScalarType::Float))
+    };
+    header.encoding != Encoding::Ascii && header.elements.get("vertex").is_some_and(is_float)
 }
 
 /// Returns true if elements of the type `element` have colours.
@@ -277,12 +288,14 @@ impl Parts {
         Ok(())
     }
 
-    fn mesh(mut self, quotes: bool, header: &Header) -> std::result::Result<MeshFile, Flaw> {
+    fn mesh(mut self, quotes: bool, header: &Header, limit: Limit) -> std::result::Result<MeshFile, Flaw> {
         let mut notes: Vec<String> = self.check_range(header).into_iter().collect();
         let positions: Vec<DVec3> = self.vertices.iter().map(|vertex| vertex.position).collect();
         let with_normals = has(header, "vertex", NORMAL);
         let Triangles { list, colours, short } = self.triangles(&positions, with_normals)?;
-        let (settled, placement) = settle(&positions, &list)?;
+        let (settled, placement) = settle(&positions, &list, limit)?;
+        notes.extend(has_single_precision(header).then(|| note_coarse(&list, &positions)).flatten());
+        notes.extend(note_inexact(&list, &settled, placement.scale, || Cow::from(&positions)));
         let materials = vec![Material::default()];
         let mut mesh = Mesh { positions: settled, triangles: list, materials, ..Mesh::default() };
         if with_normals {
@@ -300,8 +313,8 @@ impl Parts {
             notes.extend(colours::note_clear(clear, element));
         }
         notes.extend(self.notes(quotes, header, short));
-        let invalid = positions.iter().filter(|position| !is_valid(position)).count();
-        notes.extend(note_invalid(invalid));
+        let invalid = positions.iter().filter(|position| !limit.has(position)).count();
+        notes.extend(note_invalid(invalid, limit));
         notes.extend(note_points(&mesh, invalid));
         Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
     }
@@ -436,9 +449,10 @@ fn names_texture(comment: &str) -> bool {
 
 /// Returns a note on the `count` vertices whose position is not valid; `None` if there are none. No triangle uses these
 /// vertices: [`settle`], which is called earlier, refuses a file with such a triangle.
-fn note_invalid(count: usize) -> Option<String> {
+fn note_invalid(count: usize, limit: Limit) -> Option<String> {
     let vertices = counted_are(count, "vertex that no face uses");
-    (count > 0).then(|| format!("{vertices} ignored: a coordinate is not finite or beyond +-1e12"))
+    let most = limit.shown();
+    (count > 0).then(|| format!("{vertices} ignored: a coordinate is not finite or beyond +-{most}"))
 }
 
 /// Returns the error for a concave face that has too many corners to be divided into triangles.

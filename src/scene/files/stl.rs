@@ -6,7 +6,7 @@ mod normals;
 use super::MeshFile;
 use super::flaw::{Flaw, Named};
 use super::joined::{Sorted, joined, key};
-use super::origin::{invalid, is_valid, settle};
+use super::origin::{Limit, note_coarse, note_inexact, settle};
 use crate::error::Result;
 use crate::memory::Available;
 use crate::scene::material::Material;
@@ -16,6 +16,7 @@ use crate::scene::obj::{Asked, Wish, decimal, quoted, split_lines};
 use crate::words::{counted, counted_are};
 use glam::DVec3;
 use normals::Normal;
+use std::borrow::Cow;
 
 /// The remedy for facets that are not triangles.
 const DIVIDE: &str = "divide the faces into triangles, and export the file again";
@@ -39,15 +40,15 @@ type Key = [u64; 3];
 const JOINING_BYTES: u64 = (3 * (2 * size_of::<DVec3>() + size_of::<Sorted<Key>>() + size_of::<u32>())
     + size_of::<Triangle>()) as u64;
 
-/// Reads an STL file from its bytes.
-pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
+/// Reads an STL file from its bytes. Corners must be within `limit`.
+pub(super) fn parse(named: Named<'_>, bytes: &[u8], limit: Limit) -> Result<MeshFile> {
     let failed = |flaw: Flaw| named.error(flaw);
-    let (corners, notes) = match is_binary(bytes) {
+    let (corners, mut notes) = match is_binary(bytes) {
         true => {
             let count = held(bytes).map_err(failed)?;
             hold(named.name, count as u64, &Available::read())?;
             let corners = binary(bytes, count);
-            check(&corners).map_err(failed)?;
+            check(&corners, limit).map_err(failed)?;
             let mut notes = notes(bytes, count);
             notes.extend(normals::note(normals::opposite_of_rows(&bytes[HEADER_BYTES..], &corners)));
             (corners, notes)
@@ -55,7 +56,8 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
         // In a text file, a triangle usually takes 100 bytes or more. The check in `files::read` demands
         // memory of four times the file's size, which is enough for triangles of 100 bytes or more.
         false => {
-            let Text { corners, unknown, stray, opposite, is_in_solid } = ascii(bytes).map_err(failed)?;
+            let Text { corners, unknown, stray, opposite, is_in_solid } =
+                ascii(bytes, limit).map_err(failed)?;
             let mut notes: Vec<String> = unknown.notes("statement", named.quotes).collect();
             let numbers = counted_are(stray, "number after a complete statement");
             notes.extend((stray > 0).then(|| format!("{numbers} ignored")));
@@ -66,9 +68,11 @@ pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
             (corners, notes)
         }
     };
-    let (positions, numbers) = joined(&corners, |corner| -> Key { key(corner.to_array(), f64::to_bits) });
+    let (exact, numbers) = joined(&corners, |corner| -> Key { key(corner.to_array(), f64::to_bits) });
     let triangles = triangles_of(&numbers);
-    let (positions, placement) = settle(&positions, &triangles).map_err(failed)?;
+    let (positions, placement) = settle(&exact, &triangles, limit).map_err(failed)?;
+    notes.extend(is_binary(bytes).then(|| note_coarse(&triangles, &exact)).flatten());
+    notes.extend(note_inexact(&triangles, &positions, placement.scale, || Cow::from(&exact)));
     let mesh = Mesh { positions, triangles, materials: vec![Material::default()], ..Mesh::default() };
     Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
 }
@@ -155,9 +159,9 @@ fn vector(bytes: &[u8]) -> DVec3 {
 
 /// Returns an error if a corner of a binary file is not valid. The error names the corner as it is in the file,
 /// before equal corners are joined.
-fn check(corners: &[DVec3]) -> std::result::Result<(), Flaw> {
-    let Some(at) = corners.iter().position(|corner| !is_valid(corner)) else { return Ok(()) };
-    Err(invalid(&format!("vertex {} of facet {}", at % 3, at / 3), &corners[at]))
+fn check(corners: &[DVec3], limit: Limit) -> std::result::Result<(), Flaw> {
+    let Some(at) = corners.iter().position(|corner| !limit.has(corner)) else { return Ok(()) };
+    Err(limit.invalid(&format!("vertex {} of facet {}", at % 3, at / 3), &corners[at]))
 }
 
 /// The words that STL defines for a text file.
@@ -184,7 +188,7 @@ struct Text {
 /// Reads a text file. The mesh consists of the statements `vertex x y z`, three in each facet. Normals are compared
 /// with the corners, but not used otherwise. Some programs write several statements into a line, so line ends count
 /// only after the name of a solid.
-fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
+fn ascii(bytes: &[u8], limit: Limit) -> std::result::Result<Text, Flaw> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let (mut corners, mut normals, mut unknown) = (Vec::new(), Vec::new(), Asked::default());
     let (mut stray, mut follows_unknown) = (0, false);
@@ -197,7 +201,7 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Text, Flaw> {
         // Some programs write `end facet` for `endfacet`.
         let ends = is(std::mem::replace(&mut last, word), "end");
         if is(word, "vertex") {
-            corners.push(vertex(line, &mut words)?);
+            corners.push(vertex(line, &mut words, limit)?);
             follows_unknown = false;
         } else if is(word, "endfacet") && corners.len() - before != 3 {
             let flaw = Flaw::from("a facet without exactly three vertices").at(line);
@@ -260,7 +264,11 @@ fn skip_name<'a>(line: usize, words: &mut (impl Iterator<Item = Word<'a>> + Clon
     }
 }
 
-fn vertex<'a>(line: usize, words: &mut impl Iterator<Item = Word<'a>>) -> std::result::Result<DVec3, Flaw> {
+fn vertex<'a>(
+    line: usize,
+    words: &mut impl Iterator<Item = Word<'a>>,
+    limit: Limit,
+) -> std::result::Result<DVec3, Flaw> {
     let mut number = || {
         let next = words.next().filter(|(_, word)| !is_known(word));
         let short = || Flaw::from("a vertex with fewer than three numbers").at(line);
@@ -271,7 +279,7 @@ fn vertex<'a>(line: usize, words: &mut impl Iterator<Item = Word<'a>>) -> std::r
         })
     };
     let corner = DVec3::new(number()?, number()?, number()?);
-    if is_valid(&corner) { Ok(corner) } else { Err(invalid("a vertex", &corner).at(line)) }
+    if limit.has(&corner) { Ok(corner) } else { Err(limit.invalid("a vertex", &corner).at(line)) }
 }
 
 /// Returns one triangle for every three corners. `corners` has the index of each corner's position.
@@ -291,7 +299,7 @@ mod tests {
     use glam::Vec3;
 
     fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
-        super::parse(Named { name, quotes: true }, bytes)
+        super::parse(Named { name, quotes: true }, bytes, Limit::Usual)
     }
 
     const TWO: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n\
@@ -506,6 +514,7 @@ mod tests {
         let withheld = super::parse(
             Named { name: "a.stl", quotes: false },
             TWO.replacen("solid a\n", "solid a\nsecret\n", 1).as_bytes(),
+            Limit::Usual,
         );
         assert_eq!(withheld.unwrap().notes, ["unknown keywords of 1 statement are ignored"]);
     }

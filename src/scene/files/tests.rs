@@ -16,8 +16,8 @@ fn parse(format: MeshFormat, bytes: &[u8]) -> Result<MeshFile> {
     let named = Named { name: "a", quotes: true };
     match format {
         MeshFormat::Obj => obj::parse("a", reach, bytes),
-        MeshFormat::Ply => ply::parse(named, bytes),
-        MeshFormat::Stl => stl::parse(named, bytes),
+        MeshFormat::Ply => ply::parse(named, bytes, Limit::Usual),
+        MeshFormat::Stl => stl::parse(named, bytes, Limit::Usual),
         MeshFormat::Gltf | MeshFormat::Glb => gltf::parse("a", reach, bytes),
     }
 }
@@ -257,4 +257,71 @@ fn the_ending_of_a_compressed_file_is_that_before_gz() {
     assert_eq!(["a.gz", "a.obj.gz"].map(note), [None, None]);
     let expected = "read as an OBJ mesh, because of its contents and despite its name";
     assert_eq!(note("a.stl.gz").as_deref(), Some(expected));
+}
+
+/// Returns the same triangles as an OBJ, as a PLY and as an STL.
+fn in_three_formats(triangles: &[[&str; 3]]) -> [(MeshFormat, String); 3] {
+    let corners = || triangles.as_flattened().iter();
+    let (vertices, faces) = (3 * triangles.len(), triangles.len());
+    let lines = |before: &str| corners().map(|corner| format!("{before}{corner}\n")).collect::<String>();
+    let face = |first: usize| [first, first + 1, first + 2].map(|corner| corner.to_string()).join(" ");
+    let lines_of_faces = |before: &str, first: usize| {
+        (0..faces).map(|number| format!("{before} {}\n", face(3 * number + first))).collect::<String>()
+    };
+    let header = format!(
+        "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty double x\nproperty double y\nproperty double z\n\
+         element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
+    );
+    let facet = |[a, b, c]: &[&str; 3]| {
+        format!("facet\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n")
+    };
+    let facets: String = triangles.iter().map(facet).collect();
+    [
+        (MeshFormat::Obj, lines("v ") + &lines_of_faces("f", 1)),
+        (MeshFormat::Ply, header + &lines("") + &lines_of_faces("3", 0)),
+        (MeshFormat::Stl, format!("solid a\n{facets}endsolid a\n")),
+    ]
+}
+
+/// A triangle at the origin, and two others 5,400 km away.
+#[test]
+fn triangles_that_single_precision_distorts_are_counted_in_every_format() {
+    let notes = |side: &str, far: &str| {
+        let far = |x: &str, y: &str| format!("{far}{x} {y} 0");
+        let [a, b, c] = [far(".1", "0"), far(side, "0"), far(".1", "0.3")];
+        let triangles = [["0 0 0", "1 0 0", "0 1 0"], [&a, &b, &c], [&a, &c, &b]];
+        in_three_formats(&triangles).map(|(format, text)| parse(format, text.as_bytes()).unwrap().notes)
+    };
+    let note = "2 of 3 triangles are shown with inexact shapes: so far from the origin, they are too small for single \
+                precision";
+    assert_eq!(notes(".4", "5400000"), [[note]; 3]);
+    // Single precision stores these corners exactly, or nearly so.
+    assert_eq!(notes(".4", "54"), [[""; 0]; 3]);
+    assert_eq!(notes("00.4", "5400000"), [[""; 0]; 3]);
+    let whole = [["0 0 0", "1 0 0", "0 1 0"], ["8000000 0 0", "8000003 0 0", "8000000 3 0"]];
+    for (format, text) in in_three_formats(&[whole[0], whole[1], whole[1]]) {
+        assert_eq!(parse(format, text.as_bytes()).unwrap().notes, [""; 0]);
+    }
+}
+
+#[test]
+fn a_bare_mesh_of_every_format_may_lie_beyond_the_limit_of_coordinates() {
+    let permitted = Permitted { scaled: true, ..PERMITTED };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh");
+    let read = |format, text: &str, permitted| {
+        std::fs::write(&path, text).unwrap();
+        super::read(&path, Opened::at(&path).unwrap(), format, permitted)
+    };
+    let far = [["10000000000000 0 0", "10000000000001 0 0", "10000000000000 1 0"]];
+    let near = |format, text: &str| {
+        let file = read(format, text, permitted).unwrap();
+        let [a, b, c] = file.mesh.corners(&file.mesh.triangles[0]);
+        (file.placement.origin.x.floor(), b - a, c - a)
+    };
+    for (format, text) in in_three_formats(&far) {
+        assert_eq!(near(format, &text), (1e13, Vec3::X, Vec3::Y), "{format:?}");
+        let error = read(format, &text, PERMITTED).err().unwrap().to_string();
+        assert!(error.contains("within +-1e12"), "{error}");
+    }
 }

@@ -29,7 +29,7 @@ mod values;
 mod vertex_colours;
 mod wishes;
 
-use super::files::{MeshFile, Part, Placement, note_points, paint};
+use super::files::{MeshFile, Part, Placement, note_inexact, note_points, paint};
 use super::mesh::{Mesh, Triangle};
 use crate::error::{Error, Result};
 use crate::words::counted;
@@ -124,6 +124,9 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     }
     odd::check_vertices(&odd_vertices, &mesh, source, reach.permitted.scaled, &mut notes)
         .map_err(|mistake| source.error(mistake))?;
+    notes.extend(note_inexact(&mesh.triangles, &mesh.positions, placement.scale, || {
+        chunks.par_iter().flat_map_iter(|chunk| points::exact_positions(chunk, reading)).collect()
+    }));
     odd::note_normals(&odd_normals, source, &mut notes);
     note_flaws(materials.flaws, &mesh, before_materials, &mut notes);
     let (colours, unused_colours) = VertexColours::of(&points, &starts, &mesh);

@@ -10,14 +10,10 @@ use super::text::{
 };
 use super::vertex_colours::UNCOLOURED;
 use super::wishes;
-use crate::scene::files::Placement;
+use crate::scene::files::{LARGEST, Placement};
 use crate::scene::validate::MAX_COORDINATE;
 use crate::words::counted;
 use glam::{DVec3, Vec3};
-
-/// The largest valid coordinate of a mesh that may be scaled. The distance between two points within this
-/// limit is finite in double precision.
-const LARGEST: f64 = 1e300;
 
 /// How positions are read.
 #[derive(Clone, Copy)]
@@ -223,14 +219,26 @@ impl PointChunk {
             // The appended 0 is the z of a vertex with only two coordinates.
             is_wanted.then(|| reading.exact(&mut tokens(rest).chain([&b"0"[..]]))).flatten()
         };
-        let vertices = chunk.lines().filter_map(|(_, line)| match keyword(line) {
-            (b"v", rest) => Some(rest),
-            _ => None,
-        });
-        let mut positions = vertices.enumerate().filter_map(position);
+        let mut positions = vertices(chunk).enumerate().filter_map(position);
         let first = positions.next()?;
         Some(positions.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
     }
+}
+
+/// Returns the text after the `v` of each vertex.
+fn vertices<'a>(chunk: &'a Chunk) -> impl Iterator<Item = &'a [u8]> {
+    chunk.lines().filter_map(|(_, line)| match keyword(line) {
+        (b"v", rest) => Some(rest),
+        _ => None,
+    })
+}
+
+/// Returns the positions of all vertices of a piece of the file, in double precision. Vertices that are not valid are
+/// zero.
+pub(super) fn exact_positions(chunk: &Chunk, reading: &Reading) -> Vec<DVec3> {
+    // The appended 0 is the z of a vertex with only two coordinates.
+    let exact = |rest| reading.exact(&mut tokens(rest).chain([&b"0"[..]])).unwrap_or_default();
+    vertices(chunk).map(exact).collect()
 }
 
 /// Reads a piece of the file, except its faces and texture coordinates.

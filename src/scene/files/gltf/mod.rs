@@ -24,6 +24,7 @@ mod transforms;
 
 use super::flaw::{Flaw, Named};
 use super::unused_parts::Part;
+use super::origin::Limit;
 use super::{MeshFile, Pictures};
 use crate::error::Result;
 use crate::scene::obj::{self, Reach, quoted};
@@ -63,7 +64,8 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     notes.extend(pictures.notes(quotes, &[Part::ColourSpace, Part::Animation]));
     let numbers = Numbers::of_file(&root, &buffers);
     memory::hold(name, numbers, &placed, &maps)?;
-    let walk = Walk::of(numbers, (&locals, &placed), &maps).map_err(|flaw| named.error(flaw))?;
+    let walk = Walk::of(numbers, (&locals, &placed), &maps, Limit::of(reach.permitted.scaled))
+        .map_err(|flaw| named.error(flaw))?;
     let settled = walk.settled((materials.list, pictures.list), &mut |mesh, all| {
         all.append(&mut notes);
         obj::note_materials(&materials.asked, mesh, quotes, all);

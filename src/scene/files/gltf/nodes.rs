@@ -11,7 +11,8 @@ use super::skins::{self, Skin};
 use super::textures::ColourMap;
 use super::transforms::{PlacedNode, normal_matrix};
 use super::{Flaw, MeshFile, Parsed};
-use crate::scene::files::{FileLight, colours, origin};
+use crate::scene::files::origin::{self, Limit};
+use crate::scene::files::{FileLight, colours};
 use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
@@ -23,6 +24,7 @@ use gltf::json::mesh::Mesh as GltfMesh;
 use gltf::json::scene::Node;
 use gltf::json::{Index, Root, skin};
 use seen::{FileCamera, light_of, lights_of};
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
@@ -58,15 +60,17 @@ pub(super) struct Walk<'a> {
     /// place it.
     counted: HashSet<(usize, Option<usize>)>,
     left_out: LeftOut,
+    limit: Limit,
 }
 
 impl<'a> Walk<'a> {
     /// Reads the meshes, cameras and lights of all nodes of the scene. `locals` has the transforms of all nodes of the
-    /// file.
+    /// file. Vertices must be within `limit`.
     pub fn of(
         numbers: Numbers<'a>,
         (locals, placed): (&[Local], &[PlacedNode]),
         maps: &'a [Option<ColourMap>],
+        limit: Limit,
     ) -> Result<Self, Flaw> {
         let skins = skins::of_nodes(numbers, locals, placed)?;
         let mut walk = Self {
@@ -87,6 +91,7 @@ impl<'a> Walk<'a> {
             lights: Vec::new(),
             counted: HashSet::new(),
             left_out: LeftOut { empty: skins.empty, odd_inverses: skins.rows, ..LeftOut::default() },
+            limit,
         };
         for (index, transform) in placed {
             let Some(node) = numbers.root.get(*index) else { continue };
@@ -144,9 +149,10 @@ impl<'a> Walk<'a> {
         let first = self.positions.len();
         let mesh = self.numbers.root.get(index);
         let mesh = mesh.ok_or_else(|| format!("mesh {} does not exist", index.value()))?;
+        let limit = self.limit;
         // The index of a position in a list of raycl is not the index in the file, so errors name only the mesh.
         let invalid =
-            |position: &DVec3| origin::invalid(&format!("a vertex of mesh {}", index.value()), position);
+            |position: &DVec3| limit.invalid(&format!("a vertex of mesh {}", index.value()), position);
         let is_new = self.counted.insert((index.value(), None));
         let is_new_with_skin =
             skin.is_some_and(|skin| self.counted.insert((index.value(), Some(skin.value()))));
@@ -183,7 +189,7 @@ impl<'a> Walk<'a> {
                 None => {}
             }
         }
-        match self.positions[first..].iter().find(|position| !origin::is_valid(position)) {
+        match self.positions[first..].iter().find(|position| !limit.has(position)) {
             Some(position) => Err(invalid(position)),
             None => Ok(()),
         }
@@ -255,9 +261,10 @@ impl<'a> Walk<'a> {
         note_materials: &mut dyn FnMut(&Mesh, &mut Vec<String>),
     ) -> Result<MeshFile, Flaw> {
         let (positions, placement) =
-            origin::settle_if(&self.positions, &self.triangles, |placed| self.seen_fits(placed))?;
+            origin::settle_if(&self.positions, &self.triangles, self.limit, |placed| self.seen_fits(placed))?;
         let distorted = |range: &Range<usize>| {
-            origin::is_distorted(&self.triangles[range.clone()], &self.positions, &positions, placement.scale)
+            let triangles = &self.triangles[range.clone()];
+            origin::inexact(triangles, &positions, placement.scale, || Cow::from(&self.positions)).is_some()
         };
         let distorted = self.of_nodes().filter(distorted).count();
         let camera_notes = self.camera_notes();

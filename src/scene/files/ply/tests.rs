@@ -5,7 +5,7 @@ mod unread;
 use super::*;
 
 fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
-    super::parse(Named { name, quotes: true }, bytes)
+    super::parse(Named { name, quotes: true }, bytes, Limit::Usual)
 }
 
 const SQUARE: &str = "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex 4\nproperty double x\nproperty double y\n\
@@ -142,7 +142,9 @@ fn mistakes_are_reported_without_the_files_text() {
         ("4 0 1 2 3\n0 1\n", "4 0 1 2 3\n0 secret\n", "a.ply:22: a value is not valid; expected a whole"),
     ] {
         let text = SQUARE.replacen(from, to, 1);
-        let error_of = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
+        let error_of = |quotes| {
+            super::parse(Named { name: "a.ply", quotes }, text.as_bytes(), Limit::Usual).err().unwrap()
+        };
         let [shown, error] = [true, false].map(|quotes| error_of(quotes).to_string());
         assert!(error.contains(message) && !error.contains("secret") && !error.contains('\n'), "{error}");
         assert!(!shown.contains('\n'), "{shown}");
@@ -184,7 +186,9 @@ fn a_line_of_a_header_that_is_not_valid_is_reported_with_what_was_expected() {
         ),
     ] {
         let text = SQUARE.replacen(from, to, 1);
-        let error_of = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
+        let error_of = |quotes| {
+            super::parse(Named { name: "a.ply", quotes }, text.as_bytes(), Limit::Usual).err().unwrap()
+        };
         let [shown, withheld] = [true, false].map(|quotes| error_of(quotes).to_string());
         assert!(shown.starts_with(&format!("a.ply:{message}")), "{shown}");
         assert_eq!(withheld, shown.replace(" `int64`;", ";"), "a word of the file is withheld");
@@ -627,7 +631,9 @@ fn a_header_without_what_a_mesh_needs_is_refused_by_name() {
         ("element vertex", "element Vertex", "the header has no element `vertex`; did you mean `Vertex`?"),
     ] {
         let text = SQUARE.replacen(from, to, 1);
-        let error_of = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
+        let error_of = |quotes| {
+            super::parse(Named { name: "a.ply", quotes }, text.as_bytes(), Limit::Usual).err().unwrap()
+        };
         let [shown, withheld] = [true, false].map(|quotes| error_of(quotes).to_string());
         assert!(shown.starts_with(&format!("a.ply: {message}")), "{shown}");
         assert_eq!(withheld, shown.split_once(';').map_or(&*shown, |(what, _)| what), "{shown}");

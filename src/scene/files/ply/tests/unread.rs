@@ -56,7 +56,8 @@ fn properties_that_are_not_read_are_named_and_counted() {
         assert_eq!(notes(&text), expected);
     }
     let text = triangle_with(&properties(&["secret"]), "");
-    let withheld = super::super::parse(Named { name: "a.ply", quotes: false }, text.as_bytes()).unwrap();
+    let withheld =
+        super::super::parse(Named { name: "a.ply", quotes: false }, text.as_bytes(), Limit::Usual).unwrap();
     assert_eq!(withheld.notes, ["1 property of 3 vertices is not read"]);
 }
 
