@@ -398,7 +398,7 @@ pub(super) fn apply(
     notes.extend(namesakes.note("texture", reach.permitted.quotes));
     notes.extend(pictures.notes(reach.permitted.quotes, &[]));
     note_black(maps, &loaded, notes);
-    let mut without = Vec::new();
+    let (mut without, mut unmasked) = (Vec::new(), 0);
     let rows = mesh.triangles.iter().zip(&faces.corners).enumerate().map(|(number, (triangle, corners))| {
         let Some(LoadedMaps { mapping: map, all: [colour, mask, _], .. }) =
             loaded[triangle.material as usize]
@@ -410,6 +410,7 @@ pub(super) fn apply(
         let row = all.and_then(|corners| finite(Mapped::new(corners, colour, mask, [map.wrap; 2])));
         row.unwrap_or_else(|| {
             without.push(number);
+            unmasked += usize::from(mask.is_some());
             Mapped::NONE
         })
     });
@@ -423,7 +424,7 @@ pub(super) fn apply(
     whiten(mesh, &loaded, &without);
     let dark = mesh.leave_out_emission_textures(&without);
     if !without.is_empty() {
-        notes.push(unmapped(without.len(), dark));
+        notes.push(unmapped(without.len(), unmasked, dark));
     }
 }
 
@@ -481,20 +482,20 @@ pub(in crate::scene) fn finite(row: Mapped) -> Option<Mapped> {
     row.corners.as_flattened().iter().all(|value| value.is_finite()).then_some(row)
 }
 
-/// Returns a note on `count` triangles that have a texture but no texture coordinates. `dark` of these triangles have an
-/// emission texture.
-pub(in crate::scene) fn unmapped(count: usize, dark: usize) -> String {
-    let (have, their, on_them) = match count {
-        1 => ("has", "its material's", "on it".to_owned()),
-        _ => ("have", "their materials'", format!("on {dark} of them")),
-    };
-    let light = match dark {
-        0 => String::new(),
-        _ => format!("; the emission texture gives no light {on_them}"),
+/// Returns a note on `count` triangles that have a texture but no texture coordinates. `unmasked` of these triangles
+/// have a mask, and `dark` of them have an emission texture.
+pub(in crate::scene) fn unmapped(count: usize, unmasked: usize, dark: usize) -> String {
+    let (have, their) = if count == 1 { ("has", "its material's") } else { ("have", "their materials'") };
+    let of_them = |what: &str, some: usize| match (some, count) {
+        (0, _) => String::new(),
+        (_, 1) => format!("; {what} it"),
+        _ => format!("; {what} {some} of them"),
     };
     format!(
-        "{} {have} a texture but no texture coordinates: {their} own colour is used{light}",
-        counted(count, "triangle")
+        "{} {have} a texture but no texture coordinates: {their} own colour is used{}{}",
+        counted(count, "triangle"),
+        of_them("the mask makes no holes in", unmasked),
+        of_them("the emission texture gives no light on", dark)
     )
 }
 

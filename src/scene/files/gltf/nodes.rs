@@ -51,6 +51,8 @@ pub(super) struct Walk<'a> {
     mapped: Vec<Mapped>,
     /// The indices of the triangles that have a texture but no texture coordinates.
     unmapped: Vec<usize>,
+    /// The number of these triangles whose texture has a mask.
+    unmasked: usize,
     /// The index of the first triangle of each node that has a mesh. If no node has a mesh, the list has the
     /// index of the first triangle of each mesh.
     starts: Vec<u32>,
@@ -86,6 +88,7 @@ impl<'a> Walk<'a> {
             has_maps: maps.iter().any(Option::is_some),
             mapped: Vec::new(),
             unmapped: Vec::new(),
+            unmasked: 0,
             starts: Vec::new(),
             cameras: Vec::new(),
             lights: Vec::new(),
@@ -229,7 +232,7 @@ impl<'a> Walk<'a> {
     /// Adds the texture coordinates of a part's triangles. If the part is mirrored, the second and the third
     /// corner of each triangle are swapped. Returns the number of triangles whose coordinates are inexact.
     fn add_texture_coordinates(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) -> usize {
-        let Self { mapped, unmapped, .. } = self;
+        let Self { mapped, unmapped, unmasked, .. } = self;
         let (first, mut coarse) = (mapped.len(), 0);
         mapped.extend(part.triangles.iter().enumerate().map(|(number, corners)| {
             let Some(map) = map else { return Mapped::NONE };
@@ -241,6 +244,7 @@ impl<'a> Walk<'a> {
             let row = (!part.coordinates.is_empty()).then(mapped).flatten();
             row.unwrap_or_else(|| {
                 unmapped.push(first + number);
+                *unmasked += usize::from(map.mask().is_some());
                 Mapped::NONE
             })
         }));
@@ -285,7 +289,7 @@ impl<'a> Walk<'a> {
             colours::paint(&mut mesh, &self.colours);
             notes.extend(colours::note_outside(self.outside, "vertex"));
         }
-        notes.extend((!self.unmapped.is_empty()).then(|| unmapped(self.unmapped.len(), dark)));
+        notes.extend((!self.unmapped.is_empty()).then(|| unmapped(self.unmapped.len(), self.unmasked, dark)));
         notes.extend(LeftOut { distorted, ..self.left_out }.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
         let camera = self.cameras.first().map(|camera| camera.placed_by(&placement));

@@ -2,7 +2,7 @@
 //! separate file, or in the JSON as base64.
 
 use super::Parsed;
-use super::buffers::{Bytes, decoded, unescaped};
+use super::buffers::{Bytes, decoded, is_data, unescaped};
 use super::materials::{emits, extension, least_alpha};
 use super::{fallbacks, json};
 use crate::scene::few_notes::FewNotes;
@@ -39,8 +39,12 @@ impl ColourMap {
     /// Returns the texture coordinates of a triangle with this material.
     pub fn mapped(&self, corners: [[f32; 2]; 3]) -> Mapped {
         let transformed = |corner| self.transform.transform_point2(vector(corner)).to_array();
-        let mask = self.texture.filter(|_| self.usage.least_alpha > 0);
-        Mapped::new(corners.map(transformed), self.texture, mask, self.usage.wrap)
+        Mapped::new(corners.map(transformed), self.texture, self.mask(), self.usage.wrap)
+    }
+
+    /// Returns the texture if its alpha makes holes.
+    pub fn mask(&self) -> Option<u32> {
+        self.texture.filter(|_| self.usage.least_alpha > 0)
     }
 
     /// Returns true if the coordinates of a triangle with this material are so far from 0 that they are
@@ -106,7 +110,12 @@ impl Files<'_> {
         for ((index, wire), material) in self.root.materials.iter().enumerate().zip(materials) {
             let is_used = used.contains(&index);
             let colour = colour_texture(wire).filter(|_| is_used);
-            let colour = read(colour, least_alpha(wire), "its material's own colour is used", notes);
+            let least = least_alpha(wire);
+            let own = match least > 0.0 {
+                true => "its material's own colour is used, without holes",
+                false => "its material's own colour is used",
+            };
+            let colour = read(colour, least, own, notes);
             let emissive = emissive_texture(self.root, wire).filter(|_| is_used);
             let emissive =
                 read(emissive, 0.0, "its material emits no light, unless the scene sets `emitted`", notes);
@@ -145,9 +154,7 @@ impl Files<'_> {
         }
         let key = index.value().to_string();
         match (&image.uri, image.buffer_view) {
-            (Some(uri), _) if uri.starts_with("data:") => {
-                pictures.bytes(&key, || decoded(uri).map(Cow::Owned), usage)
-            }
+            (Some(uri), _) if is_data(uri) => pictures.bytes(&key, || decoded(uri).map(Cow::Owned), usage),
             (Some(uri), _) => Err(format!("{} is not a file; nothing is downloaded", quoted_name(uri))),
             (None, Some(view)) => {
                 let view = self.root.get(view).ok_or("has a buffer view that does not exist")?;
@@ -165,7 +172,7 @@ impl Files<'_> {
 
 /// Returns the name of a picture's file; `None` if the picture is not in a file of its own.
 fn file_name(image: &Image) -> Option<String> {
-    let uri = image.uri.as_ref().filter(|uri| !uri.starts_with("data:") && !uri.contains("://"))?;
+    let uri = image.uri.as_ref().filter(|uri| !is_data(uri) && !uri.contains("://"))?;
     Some(unescaped(uri))
 }
 

@@ -696,8 +696,10 @@ fn a_picture_that_is_missing_is_noted_once_and_one_of_its_name_in_the_folder_is_
 fn triangles_on_which_an_emission_texture_gives_no_light_are_counted_in_the_note() {
     let folder = tempfile::tempdir().unwrap();
     image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
-    let library = "newmtl lamp\nKe 1 1 1\nmap_Ke dot.png\nnewmtl wall\nmap_Kd dot.png\n";
+    let library =
+        "newmtl lamp\nKe 1 1 1\nmap_Ke dot.png\nnewmtl wall\nmap_Kd dot.png\nnewmtl fence\nmap_d mask.png\n";
     std::fs::write(folder.path().join("m.mtl"), library).unwrap();
+    image::RgbImage::new(2, 1).save(folder.path().join("mask.png")).unwrap();
     let reach =
         Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } };
     let notes = |faces: &str| {
@@ -710,6 +712,9 @@ fn triangles_on_which_an_emission_texture_gives_no_light_are_counted_in_the_note
     let three = "3 triangles have a texture but no texture coordinates: their materials' own colour is used; the \
                  emission texture gives no light on 2 of them";
     assert_eq!(notes("usemtl wall\nf 1 2 3\nusemtl lamp\nf 1 2 3\nf 1 2 3\n"), [three]);
+    let masked = "1 triangle has a texture but no texture coordinates: its material's own colour is used; the mask \
+                  makes no holes in it";
+    assert_eq!(notes("usemtl fence\nf 1 2 3\n"), [masked]);
 }
 
 #[test]

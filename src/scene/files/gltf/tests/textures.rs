@@ -218,6 +218,9 @@ fn a_picture_that_cannot_be_decoded_from_its_uri_is_noted_in_a_sentence() {
         let whole = format!("data:image/png;base64,{}", STANDARD.encode(png()));
         let notes = read(&textured(material).replace(&whole, uri)).unwrap().notes;
         assert_eq!(notes, [format!("texture 0 {why}: its material's own colour is used")]);
+        let masked = textured(&material.replacen('{', r#"{"alphaMode": "MASK", "#, 1)).replace(&whole, uri);
+        let note = format!("texture 0 {why}: its material's own colour is used, without holes");
+        assert_eq!(read(&masked).unwrap().notes, [note]);
     }
 }
 
@@ -443,7 +446,7 @@ fn fallbacks_and_missing_pictures_are_noted_with_the_extensions_of_their_texture
         let file = read(&text.replace(r#""material": 0"#, &format!("\"material\": {number}"))).unwrap();
         (file.mesh.textures.list.len(), file.notes)
     };
-    let odd = "unsupported extensions are ignored: `EXT_odd`".to_owned();
+    let odd = "unsupported extensions are ignored: `EXT_odd` (2 times)".to_owned();
     let note = "1 texture uses its fallback picture instead of the one in `EXT_texture_webp`".to_owned();
     assert_eq!(read_with(&text, 0), (1, vec![note, odd.clone()]));
     let reach = Reach { folder: Path::new("/nowhere"), permitted: Permitted { quotes: false, ..PERMITTED } };
@@ -458,10 +461,14 @@ fn fallbacks_and_missing_pictures_are_noted_with_the_extensions_of_their_texture
         text.replace(r#"[{"uri": "data:image/png;"#, r#"[{"uri": "data:;base64,QUJD"}, {"uri": ";"#);
     let (pictures, notes) = read_with(&damaged, 0);
     assert!(pictures == 0 && notes.len() == 2 && notes[0].starts_with("texture 0 "), "{notes:?}");
-    assert_eq!(notes[1], "unsupported extensions are ignored: `EXT_odd`, `EXT_texture_webp`");
+    assert_eq!(
+        notes[1],
+        "unsupported extensions are ignored: `EXT_odd` (2 times), `EXT_texture_webp` (2 times)"
+    );
     // The extension of a texture that raycl does not use is named as every other extension.
     let plain = text.replace("baseColorTexture", "metallicRoughnessTexture");
-    let note = "unsupported extensions are ignored: `EXT_odd`, `EXT_texture_webp`".to_owned();
+    let note =
+        "unsupported extensions are ignored: `EXT_odd` (2 times), `EXT_texture_webp` (2 times)".to_owned();
     assert!(read_with(&plain, 0).1.contains(&note), "{:?}", read_with(&plain, 0).1);
 }
 
