@@ -49,10 +49,11 @@ impl FileCamera<'_> {
 
 impl Walk<'_> {
     /// Adds the camera of a node. The camera looks along the node's -z axis. The lengths of the node's axes have no
-    /// effect (glTF 2.0, 3.10.2), so a scale does not change the camera's znear, either. A camera that is not a
-    /// perspective camera, or whose directions the node's transform makes zero or parallel, is counted but not added. A
-    /// camera with an impossible field of view gets one of 45 degrees. A camera with an impossible znear gets a znear
-    /// of 0.
+    /// effect (glTF 2.0, 3.10.2), so a scale does not change the camera's znear, either, and a negative scale of the
+    /// node does not turn the camera. (A negative scale of a parent moves and turns the camera like the meshes, so
+    /// that it still looks at them.) A camera that is not a perspective camera, or whose directions the node's
+    /// transform makes zero or parallel, is counted but not added. A camera with an impossible field of view gets one
+    /// of 45 degrees. A camera with an impossible znear gets a znear of 0.
     pub(super) fn add_camera(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =
@@ -65,8 +66,10 @@ impl Walk<'_> {
             return Ok(());
         };
         let position = transform.transform_point3(DVec3::ZERO);
-        let [ahead, up] =
-            [DVec3::NEG_Z, DVec3::Y].map(|axis| transform.transform_vector3(axis).normalize_or_zero());
+        let scale = node.scale.filter(|_| node.matrix.is_none());
+        let signs = scale.map_or(Vec3::ONE, |scale| Vec3::from_array(scale).signum()).as_dvec3();
+        let [ahead, up] = [DVec3::NEG_Z, DVec3::Y]
+            .map(|axis| transform.transform_vector3(axis * signs).normalize_or_zero());
         let degrees = lens.yfov.to_degrees();
         let is_odd_view = !(degrees > 1e-3 && degrees < 179.99);
         let degrees = if is_odd_view { 45.0 } else { degrees };

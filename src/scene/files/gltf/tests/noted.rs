@@ -345,6 +345,21 @@ fn the_indices_of_a_sparse_accessor_may_begin_within_their_view() {
 "values": {"bufferView": 0}}, "count": 3, "type": "VEC3""#;
     let data = [bytes(), vec![0, 0], [0_u16, 0, 2].map(u16::to_le_bytes).concat()].concat();
     let view = r#"{"buffer": 0, "byteOffset": 36, "byteLength": 6}"#;
+#[test]
+fn only_a_negative_scale_above_its_node_turns_a_camera() {
+    let camera = r#""cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]"#;
+    let directions = |node: &str| {
+        let camera = with_node(camera, node).camera.unwrap();
+        (camera.forward, camera.up)
+    };
+    let usual = directions(r#""camera": 0"#);
+    for scale in ["1, 1, -1", "1, -2, 1", "-1, -1, -1", "-3, 1, 1"] {
+        assert_eq!(directions(&format!(r#""camera": 0, "scale": [{scale}]"#)), usual, "{scale}");
+    }
+    let below = r#""scale": [1, 1, -1], "children": [2]}, {"camera": 0"#;
+    assert_eq!(directions(below), (Vec3::Z, usual.1));
+}
+
     let text = triangle()
         .replace(&STANDARD.encode(bytes()), &STANDARD.encode(data))
         .replace(r#""byteLength": 42"#, r#""byteLength": 50"#)
