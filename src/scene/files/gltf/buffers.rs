@@ -18,6 +18,9 @@ use std::rc::Rc;
 /// The remedy if raycl cannot read a file that a buffer names.
 const FILES: &str = "put the files that a glTF file names into the folder of the glTF file, or export everything as one .glb file";
 
+/// The words in a `data:` URI before the data.
+const BASE64: &[u8] = b";base64,";
+
 /// The bytes of a buffer. Buffers that name the same file share its bytes.
 pub(super) type Bytes<'a> = Rc<Cow<'a, [u8]>>;
 
@@ -102,7 +105,7 @@ fn read<'a>(
     let Some(uri) = &buffer.uri else {
         return binary.map(Rc::new).map_err(Flaw::from);
     };
-    if uri.starts_with("data:") {
+    if is_data(uri) {
         let bytes = decoded(uri).map(|bytes| Rc::new(Cow::Owned(bytes)));
         let quotes = reach.permitted.quotes;
         return bytes.map_err(|why| {
@@ -141,17 +144,32 @@ fn file(path: &Path) -> Parsed<Vec<u8>> {
     reader::bytes(path, Kind::Mesh).map_err(unreadable)
 }
 
+/// Returns true if a URI contains data itself. As in browsers, blanks before `data:` and capital letters do not matter.
+pub(super) fn is_data(uri: &str) -> bool {
+    let start = uri.trim_ascii_start().as_bytes().get(..5);
+    start.is_some_and(|start| start.eq_ignore_ascii_case(b"data:"))
+}
+
 /// Decodes a `data:` URI, which consists of a media type, `;base64,` and the data. The media type is not
 /// checked. The text of an error lacks its subject: the caller puts a name or "it" before this text.
 pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
-    let text = data.split_once(";base64,").ok_or("is a data: URI without base64")?.1;
+    let mut starts = data.as_bytes().windows(BASE64.len());
+    let start = starts.position(|start| start.eq_ignore_ascii_case(BASE64));
+    let text = &data[start.ok_or("is a data: URI without base64")? + BASE64.len()..];
     let either = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
     let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, either);
     let damaged = |error: DecodeError| {
         let what = error.to_string();
         format!("has damaged base64 ({})", what.trim_end_matches('.'))
     };
-    engine.decode(text.trim_ascii()).map_err(damaged)
+    engine.decode(text).or_else(|_| engine.decode(plain(text))).map_err(damaged)
+}
+
+/// Returns base64 without blanks, line ends and escapes such as `%2B`, and with `+` and `/` for the `-` and `_` of the
+/// alphabet for URLs.
+fn plain(text: &str) -> String {
+    let text = unescaped(text).replace('-', "+").replace('_', "/");
+    text.split_ascii_whitespace().collect()
 }
 
 /// Replaces escapes such as `%20` in a file's name by the bytes that they stand for.
@@ -220,6 +238,10 @@ mod tests {
         for text in ["application/octet-stream;base64,AQID", "application/gltf-buffer;base64,AQIDBA=="] {
             assert!(decoded(text).unwrap().starts_with(&[1, 2, 3]));
         }
+        for text in ["-_-_", " +/\n+/\r\n", "%2B%2f%2B/"] {
+            assert_eq!(decoded(&format!("DATA:;BASE64,{text}")).unwrap(), [0xfb, 0xff, 0xbf], "{text}");
+        }
+        assert_eq!([" Data:,a", "data:", "data.bin", "a"].map(is_data), [true, true, false, false]);
         for (uri, expected) in [
             ("data:text/plain,abc", "is a data: URI without base64"),
             ("data:;base64,!AAA", "has damaged base64 (Invalid symbol 33, offset 0)"),

@@ -33,7 +33,10 @@ pub(super) fn split<'a>(named: Named<'_>, bytes: &'a [u8]) -> Result<Halves<'a>>
     if json.kind != b"JSON" {
         return Err(what("the first chunk of this binary glTF file is not JSON".to_owned()));
     }
-    Ok((json.contents, buffer(bytes, rest).map_err(what)?.map(Cow::Borrowed)))
+    // glTF pads the JSON with blanks, but some programs write zero bytes.
+    let padding = json.contents.iter().rev().take_while(|byte| **byte == 0).count();
+    let text = &json.contents[..json.contents.len() - padding];
+    Ok((text, buffer(bytes, rest).map_err(what)?.map(Cow::Borrowed)))
 }
 
 /// Returns notes on the parts of a binary file that are not used: a length in the header that differs from the file's
@@ -161,6 +164,13 @@ mod tests {
         }
         let padded = [&file(20, &chunks[..1])[..], b"\0\0\0"].concat();
         assert_eq!(split("a", &padded).unwrap().1, None);
+    }
+
+    #[test]
+    fn zeros_after_the_json_are_padding() {
+        let bytes = file(0, &[(b"JSON", b"{}\0\0"), (b"BIN\0", b"ab\0\0")]);
+        let (json, buffer) = split("a", &bytes).unwrap();
+        assert_eq!((json, buffer.as_deref()), (&b"{}"[..], Some(&b"ab\0\0"[..])));
     }
 
     #[test]
