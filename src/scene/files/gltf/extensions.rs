@@ -3,9 +3,10 @@
 use super::accessors::is_empty;
 use super::fallbacks::Fallbacks;
 use super::materials::extension_wish;
+use super::node_extensions;
 use super::survey::Survey;
 use super::{Flaw, Named, Result, quoted};
-use crate::words::first;
+use crate::words::{counted, first};
 use gltf::json::Root;
 use gltf::json::buffer::Buffer;
 use gltf::json::mesh::{Primitive, Semantic};
@@ -31,9 +32,10 @@ const DRACO: &str = "KHR_draco_mesh_compression";
 
 /// Returns true if raycl supports an extension, or if another module writes a note on each part of the file that has
 /// it.
-fn is_known(extension: &str, fallbacks: &Fallbacks<'_>) -> bool {
+fn is_known(extension: &str, survey: &Survey, fallbacks: &Fallbacks<'_>) -> bool {
     let is_of_material = extension_wish(extension).is_some();
-    SUPPORTED.contains(&extension) || is_of_material || fallbacks.are_noted(extension)
+    let is_of_node = node_extensions::are_noted(extension) && survey.extensions.contains_key(extension);
+    SUPPORTED.contains(&extension) || is_of_material || is_of_node || fallbacks.are_noted(extension)
 }
 
 fn is_compression(extension: &str) -> bool {
@@ -88,26 +90,37 @@ pub(super) fn notes(
     fallbacks: &Fallbacks<'_>,
     quotes: bool,
 ) -> impl Iterator<Item = String> {
-    let is_known = |name: &str| is_known(name, fallbacks);
+    let is_known = |name: &str| is_known(name, survey, fallbacks);
     // No other module writes a note on an extension that no part of the file has.
-    let is_noted = |name: &String| is_known(name) && survey.extensions.contains(name);
+    let is_noted = |name: &String| is_known(name) && survey.extensions.contains_key(name);
     let needed = root.extensions_required.iter();
     let needed = needed.filter(|name| !SUPPORTED.contains(&name.as_str()) && !is_noted(name));
-    let used: BTreeSet<_> = root.extensions_used.iter().chain(&survey.extensions).collect();
+    let used: BTreeSet<_> = root.extensions_used.iter().chain(survey.extensions.keys()).collect();
     let ignored = used.into_iter().filter(|name| !is_known(name) && !root.extensions_required.contains(name));
-    let misplaced = survey.misplaced.iter().filter(|(name, _)| is_known(name) && !fallbacks.are_noted(name));
-    let misplaced = misplaced.map(|(name, place)| format!("{} in {place}", quoted(name.as_bytes())));
+    let misplaced =
+        survey.misplaced.iter().filter(|((name, _), _)| is_known(name) && !fallbacks.are_noted(name));
+    let misplaced = misplaced
+        .map(|((name, place), count)| format!("{} in {place}{}", quoted(name.as_bytes()), times(*count)));
+    let with_count = |name: &String| {
+        let count = survey.extensions.get(name).copied().unwrap_or_default();
+        quoted(name.as_bytes()) + &times(count)
+    };
     let note = |what: &str, names: Vec<String>| {
         let listed = || if quotes { format!(": {}", first(&names, MOST_LISTED)) } else { String::new() };
         (!names.is_empty()).then(|| what.to_owned() + &listed())
     };
     let what = "the file requires extensions that raycl does not support, so the picture may be wrong";
     let notes = [
-        note(what, list(needed)),
-        note("unsupported extensions are ignored", list(ignored)),
+        note(what, needed.map(with_count).collect()),
+        note("unsupported extensions are ignored", ignored.map(with_count).collect()),
         note("extensions in places where they have no meaning are ignored", misplaced.collect()),
     ];
     notes.into_iter().flatten()
+}
+
+/// Returns words, in brackets, on the number of objects that have an extension; an empty text unless there are several.
+fn times(count: usize) -> String {
+    if count > 1 { format!(" ({})", counted(count, "time")) } else { String::new() }
 }
 
 fn list<'a>(extensions: impl Iterator<Item = &'a String>) -> Vec<String> {

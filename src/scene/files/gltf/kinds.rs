@@ -1,5 +1,6 @@
 //! The keys that glTF 2.0, and the extensions that raycl reads, define for each kind of object.
 
+use super::node_extensions;
 use crate::error::nearest;
 
 /// A kind of object in the JSON. Besides its own keys, every object may have `extensions` and `extras`.
@@ -35,10 +36,11 @@ impl Kind {
     }
 
     /// Returns true if an extension belongs to objects of this kind. The answer is only right for extensions that raycl
-    /// reads, and for extensions of materials.
+    /// reads, for extensions of materials, and for extensions of nodes on which there are notes.
     pub fn takes(&self, extension: &str) -> bool {
         let is_of_material = extension.starts_with("KHR_materials_") && std::ptr::eq(self, &MATERIAL);
-        is_of_material || self.extension(extension).is_some()
+        let is_of_node = node_extensions::are_noted(extension) && std::ptr::eq(self, &NODE);
+        is_of_material || is_of_node || self.extension(extension).is_some()
     }
 
     /// Returns words, in brackets, on the key that an unknown key probably stands for: the same key of an object below,

@@ -14,6 +14,7 @@ mod left_out;
 mod locals;
 mod materials;
 mod memory;
+mod node_extensions;
 mod nodes;
 mod primitives;
 mod replaced;
@@ -23,8 +24,8 @@ mod textures;
 mod transforms;
 
 use super::flaw::{Flaw, Named};
-use super::unused_parts::Part;
 use super::origin::Limit;
+use super::unused_parts::Part;
 use super::{MeshFile, Pictures};
 use crate::error::Result;
 use crate::scene::obj::{self, Reach, quoted};
@@ -75,6 +76,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     file.notes.extend(note_animations(animations));
     file.notes.extend(replaced::notes(&root));
     file.notes.extend(survey.notes(quotes));
+    file.notes.extend(node_extensions::notes(&root, &placed));
     file.notes.extend(extensions::notes(&root, &survey, &fallbacks, quotes));
     file.notes.extend(json::note_version(&root, quotes));
     file.notes.extend(accessors::notes(numbers));

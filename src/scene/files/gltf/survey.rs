@@ -41,11 +41,11 @@ const ODD_NUMBER: Refusal = Refusal {
 /// What raycl found in the JSON.
 #[derive(Default)]
 pub(super) struct Survey {
-    /// The names of the extensions that parts of the file have.
-    pub extensions: BTreeSet<String>,
+    /// The names of the extensions that parts of the file have, with the number of objects that have them.
+    pub extensions: BTreeMap<String, usize>,
     /// The names of the extensions in objects of kinds to which they do not belong (see [`Kind::takes`]), with the
-    /// names of these kinds.
-    pub misplaced: BTreeSet<(String, &'static str)>,
+    /// names of these kinds, and with the number of such objects.
+    pub misplaced: BTreeMap<(String, &'static str), usize>,
     /// For each key that glTF does not define, words on its place (and perhaps on the key that is meant), with the
     /// number of objects that have the key.
     unknown: BTreeMap<String, usize>,
@@ -138,11 +138,9 @@ impl Walk<'_> {
     fn add(&mut self, key: &str) {
         match self.keys {
             Keys::Extensions(kind) => {
-                if !self.survey.extensions.contains(key) {
-                    self.survey.extensions.insert(key.to_owned());
-                }
+                *self.survey.extensions.entry(key.to_owned()).or_default() += 1;
                 if let Some(kind) = kind.filter(|kind| !kind.takes(key)) {
-                    self.survey.misplaced.insert((key.to_owned(), kind.name));
+                    *self.survey.misplaced.entry((key.to_owned(), kind.name)).or_default() += 1;
                 }
             }
             Keys::Of(kind) if !kind.has(key) => {
@@ -290,7 +288,7 @@ mod tests {
         let json = r#"{"extensions": {"A": {"extensions": {"B": {}}}}, "nodes": [{"extensions": {"C": 1, "A": 2}}],
 "extras": {"extensions": {"D": {}}}, "extensionsUsed": ["E"]}"#;
         let names: Vec<_> = survey(json).unwrap().extensions.into_iter().collect();
-        assert_eq!(names, ["A", "B", "C"]);
+        assert_eq!(names, [("A".to_owned(), 2), ("B".to_owned(), 1), ("C".to_owned(), 1)]);
     }
 
     #[test]
@@ -333,7 +331,7 @@ mod tests {
 {"clearcoatTexture": {"extensions": {"KHR_texture_transform": {}}}}}, "normalTexture": {"extensions": {"KHR_texture_transform": {}}}}],
 "textures": [{"extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}]}"#;
         let misplaced: Vec<_> = survey(json).unwrap().misplaced.into_iter().collect();
-        let at = |name: &str, place| (name.to_owned(), place);
+        let at = |name: &str, place| ((name.to_owned(), place), 1);
         assert_eq!(
             misplaced,
             [at("KHR_materials_ior", "the file"), at("KHR_texture_transform", "a texture")]

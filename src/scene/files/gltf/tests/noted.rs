@@ -116,12 +116,13 @@ fn the_ratio_of_a_camera_is_kept_and_a_znear_that_is_not_valid_is_noted() {
 
 #[test]
 fn extensions_of_all_parts_are_noted_once_and_many_are_counted() {
-    let node =
-        triangle().replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "extensions": {"KHR_node_visibility": {}},"#);
-    let note = "unsupported extensions are ignored: `KHR_node_visibility`";
+    let node = triangle().replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "extensions": {"EXT_node": {}},"#);
+    let note = "unsupported extensions are ignored: `EXT_node`";
     assert_noted(&node, &[note]);
-    let listed = node.replacen('{', r#"{"extensionsUsed": ["KHR_node_visibility"], "#, 1);
+    let listed = node.replacen('{', r#"{"extensionsUsed": ["EXT_node"], "#, 1);
     assert_noted(&listed, &[note]);
+    let again = node.replace("[0, 0, 5]}", r#"[0, 0, 5]}, {"extensions": {"EXT_node": {}}}"#);
+    assert_noted(&again, &[&format!("{note} (2 times)")]);
     let list = (0..12).map(|number| format!("\"E{number:02}\"")).collect::<Vec<_>>().join(", ");
     let many = triangle().replacen('{', &format!("{{\"extensionsUsed\": [{list}], "), 1);
     let listed = "`E00`, `E01`, `E02`, `E03`, `E04`, `E05`, `E06`, `E07`, and 4 more";
@@ -197,6 +198,32 @@ fn a_mesh_that_single_precision_distorts_is_noted() {
     for (x, scale) in [(400, 0.4), (5_400_000, 40.0), (100_000_000, 0.0)] {
         assert_eq!(notes(x, scale), [""; 0], "{x}");
     }
+}
+
+/// A node moves the triangle by 1e13, and scales it so much that single precision could not store it.
+#[test]
+fn a_bare_file_may_lie_beyond_the_limit_of_coordinates() {
+    let node = |transform: &str| triangle().replace(r#""translation": [0, 0, 5]"#, transform);
+    let read = |text: &str, scaled| {
+        let permitted = Permitted { scaled, ..PERMITTED };
+        parse("a.gltf", Reach { folder: Path::new("/nowhere"), permitted }, text.as_bytes())
+    };
+    let far = node(r#""translation": [1e13, 0, 0]"#);
+    let file = read(&far, true).unwrap();
+    assert_eq!(file.placement.origin.x.floor(), 1e13);
+    let [a, b, _] = corners(&file.mesh);
+    let [near_a, near_b, _] = corners(&read(&triangle(), true).unwrap().mesh);
+    assert_eq!(b - a, near_b - near_a);
+    let error = "a.gltf: node 0: a vertex of mesh 0 is at ";
+    assert!(super::read(&far).err().unwrap().to_string().starts_with(error));
+    let huge = node(r#""scale": [1e50, 1e50, 1e50]"#);
+    assert!(read(&huge, true).unwrap().placement.scale < 1e-49 && read(&huge, false).is_err());
+    // This camera would be too far away if the mesh was scaled, and the mesh is too large if it is not scaled.
+    let camera = r#""cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}], "#;
+    let seen = node(r#""scale": [1e20, 1e20, 1e20]}, {"camera": 0, "translation": [0, 0, 1e35]"#)
+        .replacen('{', &format!("{{{camera}"), 1)
+        .replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#);
+    assert!(read(&seen, true).err().unwrap().to_string().contains("within +-1e12"));
 }
 
 #[test]
@@ -319,6 +346,21 @@ fn a_camera_with_a_skewed_transform_is_noted() {
 }
 
 #[test]
+fn only_a_negative_scale_above_its_node_turns_a_camera() {
+    let camera = r#""cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]"#;
+    let directions = |node: &str| {
+        let camera = with_node(camera, node).camera.unwrap();
+        (camera.forward, camera.up)
+    };
+    let usual = directions(r#""camera": 0"#);
+    for scale in ["1, 1, -1", "1, -2, 1", "-1, -1, -1", "-3, 1, 1"] {
+        assert_eq!(directions(&format!(r#""camera": 0, "scale": [{scale}]"#)), usual, "{scale}");
+    }
+    let below = r#""scale": [1, 1, -1], "children": [2]}, {"camera": 0"#;
+    assert_eq!(directions(below), (Vec3::Z, usual.1));
+}
+
+#[test]
 fn required_extensions_that_no_part_has_are_named() {
     let required = |names: &str| {
         let keys = format!("{{\"extensionsUsed\": [{names}], \"extensionsRequired\": [{names}], ");
@@ -337,6 +379,38 @@ fn extensions_in_places_where_they_have_no_meaning_are_noted() {
     let note = "extensions in places where they have no meaning are ignored: `KHR_materials_unlit` in a primitive, \
                 `KHR_texture_transform` in a primitive";
     assert_noted(&text, &[note]);
+    let place = r#""extensions": {"EXT_mesh_gpu_instancing": {}}"#;
+    let text = triangle().replace(
+        r#""indices": 1}"#,
+        &format!(r#""indices": 1, {place}}}, {{"attributes": {{"POSITION": 0}}, {place}}}"#),
+    );
+    let note = "extensions in places where they have no meaning are ignored: `EXT_mesh_gpu_instancing` in a primitive \
+                (2 times)";
+    assert_noted(&text, &[note]);
+}
+
+/// The second node hides itself and its child. The last node is not in the scene.
+#[test]
+fn nodes_that_lose_instances_or_are_drawn_although_hidden_are_counted() {
+    let visible = |value| format!(r#""extensions": {{"KHR_node_visibility": {{"visible": {value}}}}}"#);
+    let instances = r#""extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}"#;
+    let nodes = |hidden: &str| {
+        let last = format!(r#"{{"mesh": 0, {}}}"#, visible("false"));
+        let nodes = format!(
+            r#"{{{hidden}, "children": [2, 3]}}, {{"mesh": 0, {instances}}}, {{{instances}}}, {last}"#
+        );
+        let required = r#"{"extensionsRequired": ["EXT_mesh_gpu_instancing"], "#;
+        triangle()
+            .replacen('{', required, 1)
+            .replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)
+            .replace("[0, 0, 5]}", &format!("[0, 0, 5]}}, {nodes}"))
+    };
+    let outside = "1 node with a mesh, outside the shown scene, is left out";
+    let instance = "1 node with a mesh and EXT_mesh_gpu_instancing is drawn without these instances, only at the \
+                    node's own place";
+    assert_noted(&nodes(&format!(r#""mesh": 0, {}"#, visible("true"))), &[outside, instance]);
+    let hidden = "2 nodes with a mesh that KHR_node_visibility hides are drawn";
+    assert_noted(&nodes(&format!(r#""mesh": 0, {}"#, visible("false"))), &[outside, instance, hidden]);
 }
 
 #[test]
@@ -345,21 +419,6 @@ fn the_indices_of_a_sparse_accessor_may_begin_within_their_view() {
 "values": {"bufferView": 0}}, "count": 3, "type": "VEC3""#;
     let data = [bytes(), vec![0, 0], [0_u16, 0, 2].map(u16::to_le_bytes).concat()].concat();
     let view = r#"{"buffer": 0, "byteOffset": 36, "byteLength": 6}"#;
-#[test]
-fn only_a_negative_scale_above_its_node_turns_a_camera() {
-    let camera = r#""cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]"#;
-    let directions = |node: &str| {
-        let camera = with_node(camera, node).camera.unwrap();
-        (camera.forward, camera.up)
-    };
-    let usual = directions(r#""camera": 0"#);
-    for scale in ["1, 1, -1", "1, -2, 1", "-1, -1, -1", "-3, 1, 1"] {
-        assert_eq!(directions(&format!(r#""camera": 0, "scale": [{scale}]"#)), usual, "{scale}");
-    }
-    let below = r#""scale": [1, 1, -1], "children": [2]}, {"camera": 0"#;
-    assert_eq!(directions(below), (Vec3::Z, usual.1));
-}
-
     let text = triangle()
         .replace(&STANDARD.encode(bytes()), &STANDARD.encode(data))
         .replace(r#""byteLength": 42"#, r#""byteLength": 50"#)

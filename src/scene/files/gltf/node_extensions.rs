@@ -1,0 +1,57 @@
+//! Counts nodes that lose something because raycl does not support an extension of theirs.
+
+use super::left_out::{Counted, notes_on};
+use super::transforms::PlacedNode;
+use gltf::json::Root;
+use gltf::json::scene::Node;
+use serde_json::Value;
+
+/// The extension that places several copies of a node's mesh.
+const INSTANCES: &str = "EXT_mesh_gpu_instancing";
+/// The extension that hides a node and its descendants.
+const VISIBILITY: &str = "KHR_node_visibility";
+
+/// Returns true if this module writes notes on the nodes that have this extension.
+pub(super) fn are_noted(extension: &str) -> bool {
+    [INSTANCES, VISIBILITY].contains(&extension)
+}
+
+/// Returns notes on the nodes `placed` of the shown scene.
+pub(super) fn notes(root: &Root, placed: &[PlacedNode]) -> impl Iterator<Item = String> {
+    let has_mesh = |number: &usize| root.nodes[*number].mesh.is_some();
+    let nodes = || placed.iter().map(|(node, _)| node.value());
+    let has_instances = |number: &usize| extension(&root.nodes[*number], INSTANCES).is_some();
+    let is_hidden = hidden(root, placed);
+    let counts: [Counted; 2] = [
+        (
+            nodes().filter(has_mesh).filter(has_instances).count(),
+            "node with a mesh and EXT_mesh_gpu_instancing",
+            "drawn without these instances, only at the node's own place",
+        ),
+        (
+            nodes().filter(has_mesh).filter(|number| is_hidden[*number]).count(),
+            "node with a mesh that KHR_node_visibility hides",
+            "drawn",
+        ),
+    ];
+    notes_on(counts)
+}
+
+/// Returns, for each node of the file, whether the extension [`VISIBILITY`] hides it. In `placed`, a parent comes
+/// before its children.
+fn hidden(root: &Root, placed: &[PlacedNode]) -> Vec<bool> {
+    let mut is_hidden = vec![false; root.nodes.len()];
+    for number in placed.iter().map(|(node, _)| node.value()) {
+        let node = &root.nodes[number];
+        is_hidden[number] |=
+            extension(node, VISIBILITY).is_some_and(|of| of["visible"] == Value::Bool(false));
+        if is_hidden[number] {
+            node.children.iter().flatten().for_each(|child| is_hidden[child.value()] = true);
+        }
+    }
+    is_hidden
+}
+
+fn extension<'a>(node: &'a Node, name: &str) -> Option<&'a Value> {
+    node.extensions.as_ref()?.others.get(name)
+}
