@@ -8,6 +8,20 @@ use std::collections::HashMap;
 /// type, such as `znver4` in `cpu-znver4-AMD EPYC`.
 const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-", "tbb-"];
 
+/// Numbers of parts of ARM's processors, as `/proc/cpuinfo` and PoCL state them ("CPU part"), with ARM's names of these
+/// processors. PoCL 6 names older processors itself.
+const ARM_PARTS: [(&str, &str); 9] = [
+    ("0xd0b", "Cortex-A76"),
+    ("0xd0c", "Neoverse-N1"),
+    ("0xd40", "Neoverse-V1"),
+    ("0xd41", "Cortex-A78"),
+    ("0xd49", "Neoverse-N2"),
+    ("0xd4f", "Neoverse-V2"),
+    ("0xd81", "Cortex-A720"),
+    ("0xd84", "Neoverse-V3"),
+    ("0xd8e", "Neoverse-N3"),
+];
+
 /// Returns the name under which people know a device. The name is derived from the driver's name alone, because stored
 /// records contain only the driver's name. If the name has none of PoCL's beginnings, only trademark signs, the clock
 /// rate and words such as `Processor` are removed.
@@ -48,8 +62,34 @@ pub fn common_names<'a>(names: impl Iterator<Item = &'a str>) -> HashMap<&'a str
 fn model(rest: &str) -> String {
     let parts: Vec<&str> = rest.split('-').collect();
     let is_model = |part: &&str| part.contains(|c: char| c.is_uppercase() || c == ' ');
-    let first = parts.iter().position(is_model).unwrap_or(0);
-    parts[first..].join("-")
+    match parts.iter().position(is_model) {
+        Some(first) => parts[first..].join("-"),
+        None => arm_model(rest).unwrap_or_else(|| rest.to_owned()),
+    }
+}
+
+/// Returns the model of an ARM processor. In `rest`, LLVM's name, which may be missing, precedes the name or the number
+/// of the processor's part, as in `neoverse-n1-0xd0c`, `cortex-a72-cortex-a72` and `-0xd0c`. Returns `None` if `rest`
+/// names no part of an ARM processor.
+fn arm_model(rest: &str) -> Option<String> {
+    if let Some((of_llvm, part)) = rest.rsplit_once('-').filter(|(_, part)| part.starts_with("0x")) {
+        let known =
+            || ARM_PARTS.iter().find(|(number, _)| *number == part).map(|(_, name)| (*name).to_owned());
+        return arm_name(of_llvm).or_else(known).or_else(|| Some(format!("CPU part {part}")));
+    }
+    let families = ["cortex-", "neoverse-"];
+    families.iter().find_map(|family| rest.rfind(family)).and_then(|start| arm_name(&rest[start..]))
+}
+
+/// Writes LLVM's name of an ARM processor, such as `neoverse-n1`, as ARM does: `Neoverse-N1`. Returns `None` if the
+/// name has fewer than two words.
+fn arm_name(of_llvm: &str) -> Option<String> {
+    let capital = |word: &str| {
+        let (first, others) = word.split_at_checked(1)?;
+        Some(first.to_uppercase() + others)
+    };
+    let words: Option<Vec<String>> = of_llvm.split('-').map(capital).collect();
+    words.filter(|words| words.len() > 1).map(|words| words.join("-"))
 }
 
 /// Returns a model's name without trademark signs, clock rate, number of cores and the word `Processor`. If the name
@@ -77,7 +117,14 @@ mod tests {
             ("pthread-AMD EPYC 9B14", "AMD EPYC 9B14, PoCL"),
             ("cpu-haswell-Intel(R) Xeon(R) CPU E5-2690 v3 @ 2.60GHz", "Intel Xeon E5-2690 v3, PoCL"),
             ("cpu-x86-64-v3-Common KVM processor", "Common KVM processor, PoCL"),
-            ("pthread-cortex-a72", "cortex-a72, PoCL"),
+            ("pthread-cortex-a72", "Cortex-A72, PoCL"),
+            ("cpu-cortex-a72-cortex-a72", "Cortex-A72, PoCL"),
+            ("cpu--cortex-a72", "Cortex-A72, PoCL"),
+            ("cpu-neoverse-n1-0xd0c", "Neoverse-N1, PoCL"),
+            ("cpu--0xd0c", "Neoverse-N1, PoCL"),
+            ("cpu--0xfff", "CPU part 0xfff, PoCL"),
+            ("cpu-generic-0xd4f", "Neoverse-V2, PoCL"),
+            ("cpu-skylake-avx512", "skylake-avx512, PoCL"),
             ("cpu-alderlake-13th Gen Intel(R) Core(TM) i7-1360P", "13th Gen Intel Core i7-1360P, PoCL"),
             // Names that Intel's driver gives to CPUs, names of GPUs, and the name of the host in records.
             ("Intel(R) Xeon(R) Platinum 8481C CPU @ 2.70GHz", "Intel Xeon Platinum 8481C"),

@@ -124,9 +124,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     }
     odd::check_vertices(&odd_vertices, &mesh, source, reach.permitted.scaled, &mut notes)
         .map_err(|mistake| source.error(mistake))?;
-    notes.extend(note_inexact(&mesh.triangles, &mesh.positions, placement.scale, || {
-        chunks.par_iter().flat_map_iter(|chunk| points::exact_positions(chunk, reading)).collect()
-    }));
+    notes.extend(note_on_shapes(&mesh, &chunks, placement.scale, reading));
     odd::note_normals(&odd_normals, source, &mut notes);
     note_flaws(materials.flaws, &mesh, before_materials, &mut notes);
     let (colours, unused_colours) = VertexColours::of(&points, &starts, &mesh);
@@ -145,6 +143,13 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlF
     let mut notes_on = notes_on(&faces, of_textures);
     notes_on.extend(paint_vertices(&mut mesh, colours));
     Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, notes_on, ..MeshFile::default() }))
+}
+
+/// Returns a note on triangles that single precision distorts. `scale` is the factor by which the mesh was scaled.
+fn note_on_shapes(mesh: &Mesh, chunks: &[Chunk<'_>], scale: f64, reading: &Reading) -> Option<String> {
+    note_inexact(&mesh.triangles, &mesh.positions, scale, || {
+        chunks.par_iter().flat_map_iter(|chunk| points::exact_positions(chunk, reading)).collect()
+    })
 }
 
 /// Inserts notes on lines of MTL files that are not valid, before the note with the index `at`. Materials that no
