@@ -171,10 +171,12 @@ impl Results {
         Ok(left_out)
     }
 
-    /// Stores a record. Fails if the folder or its `records.jsonl` was removed or replaced, so that the run ends
-    /// at once, and not only after it has measured all points.
+    /// Stores a record. Fails if the folder or its journal of records, samples or rounds was removed or replaced, so that
+    /// the run ends at once, and not only after it has measured all points.
     pub fn record(&mut self, record: &Record) -> Result<()> {
         self.records.check_place()?;
+        self.samples.check_place()?;
+        self.rounds.check_place()?;
         self.records.append(record)
     }
 

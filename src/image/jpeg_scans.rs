@@ -6,6 +6,8 @@ use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
 
 /// The second byte of the marker of a progressive frame with Huffman coding.
 const PROGRESSIVE: u8 = 0xc2;
+/// Largest number of components of a progressive frame, and of a scan.
+const MOST_COMPONENTS: usize = 4;
 
 /// Returns true if a progressive JPEG has no scan with the last bit of a coefficient. Programs write all bits of all
 /// coefficients, so the file was cut off, and perhaps ended by another program. Returns false for other JPEGs, and if
@@ -25,10 +27,12 @@ fn pass_header<'a>(rest: &'a [u8], components: &mut Vec<(u8, u64)>) -> Option<&'
     for (kind, data, after) in segments_of(rest) {
         match kind {
             PROGRESSIVE => {
-                *components = data.get(6..)?.chunks_exact(3).map(|part| (part[0], u64::MAX)).collect()
+                let parts = data.get(6..)?.chunks_exact(3).take(MOST_COMPONENTS);
+                *components = parts.map(|part| (part[0], u64::MAX)).collect();
             }
             START_OF_SCAN => {
-                let names = data.get(1..1 + 2 * usize::from(*data.first()?))?;
+                let count = usize::from(*data.first()?).min(MOST_COMPONENTS);
+                let names = data.get(1..1 + 2 * count)?;
                 let [start, end, bits] = *data.get(1 + names.len()..)?.first_chunk()?;
                 if start <= end && end < 64 && bits & 15 == 0 {
                     let coefficients = u64::MAX >> (63 - (end - start)) << start;
@@ -88,6 +92,19 @@ mod tests {
         assert_eq!([0, 1, 2, 3, 4].map(without), [false, true, false, true, true]);
         let split = [(&[1_u8, 2][..], [0, 0], 0), (&[2], [1, 63], 0), (&[1], [1, 8], 0), (&[1], [9, 63], 0)];
         assert!(!are_missing(&of_scans(&split)) && are_missing(&of_scans(&split[..3])));
+    }
+
+    /// A header with thousands of components, and thousands of scans, would take half a minute without the limit.
+    #[test]
+    fn only_four_components_count() {
+        let four: [u8; 4] = [1, 2, 3, 4];
+        let mut five = of_scans(&[(&four, [0, 63], 0), (&[5], [0, 63], 0)]);
+        let frame = [MARKER, PROGRESSIVE, 0, 23, 8, 0, 8, 0, 8, 5];
+        let parts: Vec<u8> = (1..=5).flat_map(|name| [name, 0x11, 0]).collect();
+        five.splice(2..18, [&frame[..], &parts].concat());
+        let mut components = Vec::new();
+        assert!(pass_header(&five[2..], &mut components).is_some());
+        assert_eq!(components, four.map(|name| (name, 0)));
     }
 
     #[test]

@@ -124,7 +124,8 @@ impl Animation {
         let angle = self.document.angle().filter(|_| count > 0)?;
         let paths: Vec<&String> = self.left_out.iter().map(|(_, path)| path).collect();
         let paths = if self.document.quotes { format!(" ({})", few(&paths)) } else { String::new() };
-        Some(format!("{angle} replaces {} of the scene file{paths}", counted(count, "track")))
+        let still = if self.tracks.is_empty() && self.frames > 1 { ", so all frames are equal" } else { "" };
+        Some(format!("{angle} replaces {} of the scene file{paths}{still}", counted(count, "track")))
     }
 
     /// Checks two conditions for each frame in `frames`: the scene file with the frame's values can be parsed

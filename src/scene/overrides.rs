@@ -21,10 +21,11 @@ const FOV: [&str; 2] = ["fov_x_degrees", "fov_y_degrees"];
 /// the camera's position, direction and field of view from the scene's table. Settings before and after the angle may
 /// set the direction and the field of view again. The animation's tracks of the camera stay in the table, so that the
 /// indices of all tracks, to which paths of settings and messages refer, stay the same; `Animation::of` leaves out the
-/// tracks of the camera. Returns an error if a path cannot be set, or if one setting sets an angle and another setting
-/// sets the position.
+/// tracks of the camera. Returns an error if a path cannot be set, if one setting sets an angle and another setting
+/// sets the position, or if a setting replaces the whole camera after an angle was set.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
+    refuse_camera_after_angle(settings)?;
     if have_angle(settings) {
         remove_pose_and_fov(document);
     }
@@ -64,11 +65,25 @@ fn refuse_angle_beside_position(settings: &[Setting]) -> Result<()> {
     Err(angle.error(message).with_help("leave out the angle or the position"))
 }
 
+/// Refuses an azimuth or elevation if a later setting replaces the whole camera, and with it the angle.
+fn refuse_camera_after_angle(settings: &[Setting]) -> Result<()> {
+    let mut from_angle = settings.iter().skip_while(|setting| !is_angle(&setting.path));
+    let Some((angle, camera)) = from_angle.next().zip(from_angle.find(|setting| setting.path == "camera"))
+    else {
+        return Ok(());
+    };
+    let message = format!("'{}' replaces the whole camera, and so this angle", camera.origin);
+    Err(angle
+        .error(message)
+        .with_help("set the camera's other values one by one, for example camera.fov_y_degrees"))
+}
+
 /// Returns a note if the setting of an angle removes the field of view of the scene `document`, and no setting sets a
 /// field of view. (The position and the direction are not noted, since who sets an angle wants others.)
 pub(super) fn note_removed_fov(document: &Table, settings: &[Setting]) -> Option<String> {
     let angle = settings.iter().find(|setting| is_angle(&setting.path))?;
-    let sets_fov = |setting: &Setting| FOV.iter().any(|key| setting.path == format!("camera.{key}"));
+    let is_fov = |path: &str| path.strip_prefix("camera.").is_some_and(|key| FOV.contains(&key));
+    let sets_fov = |setting: &Setting| setting.path == "camera" || is_fov(&setting.path);
     let camera = document.get("camera").filter(|_| !settings.iter().any(sets_fov))?;
     let key = FOV.into_iter().find(|key| camera.get(key).is_some())?;
     let origin = shortened(&*angle.origin);
@@ -231,7 +246,10 @@ mod tests {
         }
         let angle = one("camera.azimuth_degrees");
         assert_eq!(applied(&[angle.clone(), one("camera.look_at"), one("camera.up")]), Ok(()));
-        assert_eq!(applied(&[camera("up"), angle]), Ok(()));
+        assert_eq!(applied(&[camera("up"), angle.clone()]), Ok(()));
+        let expected =
+            "camera.azimuth_degrees = 1: 'camera = { up = 1 }' replaces the whole camera, and so this angle";
+        assert_eq!(applied(&[angle, camera("up")]), Err(expected.to_owned()));
     }
 
     #[test]

@@ -66,7 +66,8 @@ impl FrameNotes {
 /// Returns a note without the number of the frame whose track it names, so that equal notes on several frames have the
 /// same text.
 fn without_frame(note: &str) -> String {
-    match note.split_once(" at frame ") {
+    let names_track = |before: &str| before.ends_with('`') || before.ends_with("a track");
+    match note.split_once(" at frame ").filter(|(before, _)| names_track(before)) {
         Some((before, after)) => {
             format!("{before}{}", after.trim_start_matches(|c: char| c.is_ascii_digit()))
         }
@@ -94,6 +95,7 @@ mod tests {
         frames.add(4, notes(&["all", "b.obj: b"], "camera 4", Some("dark at 4")));
         frames.add(5, notes(&["all", "track `x` at frame 5: odd"], "camera 5", Some("dark at 5")));
         frames.add(6, notes(&["c.obj: c", "track `x` at frame 6: odd"], "camera 6", Some("dark at 6")));
+        assert_eq!(without_frame("walk at frame 6.obj: odd"), "walk at frame 6.obj: odd", "a name of a file");
         let of_4 = ["general", "all", "b.obj: b", "camera 4", "dark at 4"];
         let later = ["track `x` at frame 5: odd", "c.obj: c"];
         assert_eq!(frames.instead_of_loaded(all()), [&of_4[..], &later].concat());

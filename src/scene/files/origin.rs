@@ -70,8 +70,9 @@ impl Limit {
     /// author knows it.
     pub fn invalid(self, vertex: &str, position: &DVec3) -> Flaw {
         let expected = format!("expected finite coordinates within +-{}", self.shown());
+        let [x, y, z] = position.to_array().map(coordinate);
         Flaw::quoting(
-            format!("{vertex} is at {position}; {expected}"),
+            format!("{vertex} is at [{x}, {y}, {z}]; {expected}"),
             format!("{vertex} is not valid; {expected}"),
         )
     }
@@ -82,6 +83,12 @@ impl Limit {
         let Some(vertex) = used.find(|&vertex| !self.has(&positions[vertex])) else { return Ok(()) };
         Err(self.invalid(&format!("vertex {vertex}"), &positions[vertex]))
     }
+}
+
+/// Writes a coordinate. Without an exponent, the smallest and the largest numbers would have hundreds of digits.
+fn coordinate(value: f64) -> String {
+    let is_usual = value == 0.0 || (1e-6..1e15).contains(&value.abs());
+    if is_usual { value.to_string() } else { format!("{value:e}") }
 }
 
 /// How a mesh is moved and scaled before its positions are rounded to single precision: a vector is
@@ -145,11 +152,7 @@ impl Placement {
     /// Returns notes that tell the user how the mesh was moved and scaled; no notes if it was neither moved nor scaled.
     /// The notes are for a bare mesh: if a scene has several meshes or a scene file, raycl undoes the scaling.
     pub fn notes(&self) -> Vec<String> {
-        // Without an exponent, the smallest numbers would have hundreds of digits.
-        let shown = |value: f64| {
-            if value.abs() < 1e-6 && value != 0.0 { format!("{value:e}") } else { value.to_string() }
-        };
-        let [x, y, z] = self.origin.to_array().map(shown);
+        let [x, y, z] = self.origin.to_array().map(coordinate);
         let moved = || {
             format!("the mesh lies far from its origin, so ({x}, {y}, {z}) was subtracted from its positions")
         };
@@ -299,7 +302,9 @@ pub(super) fn note_coarse(triangles: &[Triangle], exact: &[DVec3]) -> Option<Str
         let corners = corners(triangle);
         is_small(corners, COARSE_STEPS) && corners.into_iter().any(has_last_bit)
     };
-    let are_most = 2 * sample(triangles).filter(is_coarse).count() > sample(triangles).count();
+    let is_visible = |triangle: &&Triangle| are_apart(&corners(triangle));
+    let visible = sample(triangles).filter(is_visible).count();
+    let are_most = 2 * sample(triangles).filter(is_visible).filter(is_coarse).count() > visible;
     are_most.then(|| {
         "the file stores positions in single precision, which is coarse so far from the origin: the shapes of most \
          triangles may be inexact"

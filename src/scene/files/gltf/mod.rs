@@ -77,6 +77,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     file.notes.extend(replaced::notes(&root));
     file.notes.extend(survey.notes(quotes));
     file.notes.extend(node_extensions::notes(&root, &placed));
+    file.light_notes.extend(node_extensions::note_lights(&root, &placed));
     file.notes.extend(extensions::notes(&root, &survey, &fallbacks, quotes));
     file.notes.extend(json::note_version(&root, quotes));
     file.notes.extend(accessors::notes(numbers));

@@ -37,6 +37,16 @@ pub(super) fn notes(root: &Root, placed: &[PlacedNode]) -> impl Iterator<Item = 
     notes_on(counts)
 }
 
+/// Returns a note on lights of nodes that the extension [`VISIBILITY`] hides. The note is true only if the file's lights
+/// are used.
+pub(super) fn note_lights(root: &Root, placed: &[PlacedNode]) -> impl Iterator<Item = String> {
+    let is_hidden = hidden(root, placed);
+    let has_light = |node: &Node| node.extensions.as_ref().is_some_and(|of| of.khr_lights_punctual.is_some());
+    let lights = placed.iter().map(|(node, _)| node.value()).filter(|number| has_light(&root.nodes[*number]));
+    let count = lights.filter(|number| is_hidden[*number]).count();
+    notes_on([(count, "light that KHR_node_visibility hides", "used")])
+}
+
 /// Returns, for each node of the file, whether the extension [`VISIBILITY`] hides it. In `placed`, a parent comes
 /// before its children.
 fn hidden(root: &Root, placed: &[PlacedNode]) -> Vec<bool> {

@@ -586,6 +586,14 @@ fn a_directional_light_shines_in_the_same_direction_wherever_its_node_stands() {
 }
 
 #[test]
+fn a_light_of_a_hidden_node_is_used_with_a_note() {
+    let lights = r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}, "#;
+    let node = r#"{"mesh": 0, "extensions": {"KHR_node_visibility": {"visible": false}, "KHR_lights_punctual": {"light": 0}},"#;
+    let file = read(&triangle().replacen('{', lights, 1).replace(r#"{"mesh": 0,"#, node)).unwrap();
+    assert_eq!(file.light_notes, ["1 light that KHR_node_visibility hides is used"]);
+}
+
+#[test]
 fn a_light_with_a_range_and_a_glossy_surface_are_noted() {
     let light = r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "range": 2}]}},
 "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0.2}}], "#;
