@@ -60,7 +60,7 @@ const ELSEWHERE: &str = "free up space on the file's disk, or choose another fol
 /// The remedy for a file of results that this process may not write, however much space is free.
 const ELSEWHERE_ONLY: &str = "`--out DIR` writes elsewhere";
 /// The remedy for a file or a folder of results that was removed or moved during a run.
-const MOVED: &str = "if the folder was moved, the results up to now are in the new place: to continue there, use --resume and --out NEW_PLACE. If it was removed, its results are lost. Do not move or remove a folder or its files while a run writes to them";
+const MOVED: &str = "if the folder was moved, --resume with --out NEW_PLACE continues there. If it was removed, its results are lost";
 /// The remedy for standard output that cannot be written to.
 const FULL: &str = "if standard output is redirected to a file, free up space on the file's disk";
 /// The remedy if this process has too many open files.

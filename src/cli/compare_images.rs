@@ -22,7 +22,8 @@ pub struct Args {
     /// The picture to check: .png or .jpg (displayed values), .exr or .hdr (linear radiance); - reads standard input
     found: PathBuf,
     /// The expected picture, with which FOUND (the picture to check) is compared. Both pictures should have the
-    /// same kind of values: displayed values (.png, .jpg) or radiance (.exr, .hdr). One of the two pictures may be -, standard input
+    /// same kind of values: displayed values (.png, .jpg) or radiance (.exr, .hdr). One of the two pictures may
+    /// be - (standard input)
     expected: PathBuf,
     /// Save a false-colour picture of the differences
     #[arg(short, long, value_name = "FILE.png")]

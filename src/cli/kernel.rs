@@ -91,7 +91,7 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("{head}{}{foot}", reading.text).trim_end())
 }
 
-/// The remedy if the strategy cannot cast the scene.
+/// The remedy if the device does not support the strategy with the chosen local size and scene.
 const OTHERS: &str = "choose another strategy, --local-size or --scene";
 
 /// Returns the program as the device's compiler sees it. Returns an error if the device does not support the
@@ -121,7 +121,8 @@ fn workload(args: &Args, strategy: &Strategy, device: Option<&Device>) -> Result
     let local_size = args.local_size.unwrap_or(usual);
     let Some(path) = &args.scene else { return Ok(Workload { local_size, ..Workload::CUBE }) };
     let scene = load_scene(path)?.scene;
-    let refused = |refused: Refused| refused.into_host_error().with_help(OTHERS);
+    let refused =
+        |refused: Refused| refused.into_host_error().with_help("choose another strategy or --scene");
     let stack_size = stack_size(&scene.mesh, strategy).map_err(refused)?;
     Ok(Workload { stack_size, ..Workload::of(&scene, Workload::CUBE.image_size, local_size) })
 }

@@ -14,7 +14,8 @@ use std::io::IsTerminal as _;
 use std::time::Duration;
 
 /// The note on a view that neither a key nor a limit can end.
-const ENDLESS: &str = "note: raycl reads no keys, since standard input or standard output is not a terminal: end the view with Ctrl-C, or limit it with --frames or --seconds";
+const ENDLESS: &str =
+    "note: keys need a terminal as input and output: end the view with Ctrl-C, --frames or --seconds";
 
 /// Arguments of `raycl view`.
 #[derive(Debug, clap::Args)]

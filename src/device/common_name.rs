@@ -8,7 +8,7 @@ use std::collections::HashMap;
 /// type, such as `znver4` in `cpu-znver4-AMD EPYC`.
 const POCL: [&str; 6] = ["cpu-minimal-", "cpu-tbb-", "cpu-", "pthread-", "basic-", "tbb-"];
 
-/// Numbers of parts of ARM's processors, as `/proc/cpuinfo` and PoCL state them ("CPU part"), with ARM's names of these
+/// The part numbers of ARM's processors ("CPU part" in `/proc/cpuinfo`), as PoCL writes them, with ARM's names of these
 /// processors. PoCL 6 names older processors itself.
 const ARM_PARTS: [(&str, &str); 9] = [
     ("0xd0b", "Cortex-A76"),
@@ -68,9 +68,9 @@ fn model(rest: &str) -> String {
     }
 }
 
-/// Returns the model of an ARM processor. In `rest`, LLVM's name, which may be missing, precedes the name or the number
-/// of the processor's part, as in `neoverse-n1-0xd0c`, `cortex-a72-cortex-a72` and `-0xd0c`. Returns `None` if `rest`
-/// names no part of an ARM processor.
+/// Returns the model of an ARM processor. `rest` consists of LLVM's name of the processor's type, which may be missing,
+/// and of the processor's name or part number: `neoverse-n1-0xd0c`, `cortex-a72-cortex-a72`, `-0xd0c`. Returns `None`
+/// if `rest` has neither a part number nor a name that begins with `cortex-` or `neoverse-`.
 fn arm_model(rest: &str) -> Option<String> {
     if let Some((of_llvm, part)) = rest.rsplit_once('-').filter(|(_, part)| part.starts_with("0x")) {
         let known =
@@ -82,7 +82,7 @@ fn arm_model(rest: &str) -> Option<String> {
 }
 
 /// Writes LLVM's name of an ARM processor, such as `neoverse-n1`, as ARM does: `Neoverse-N1`. Returns `None` if the
-/// name has fewer than two words.
+/// name has fewer than two words, or if a word is empty.
 fn arm_name(of_llvm: &str) -> Option<String> {
     let capital = |word: &str| {
         let (first, others) = word.split_at_checked(1)?;

@@ -85,7 +85,7 @@ pub fn may_be_scene(path: &Path) -> bool {
     is_toml(path) || MeshFormat::from_ending(path).is_some()
 }
 
-/// Returns true if the file's extension, without that of a packed file, is `.toml`.
+/// Returns true if the file's extension is `.toml`. A final `.gz` is ignored.
 fn is_toml(path: &Path) -> bool {
     unpacked_name(path).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
 }

@@ -118,9 +118,10 @@ fn check_rest(rest: impl BufRead) -> io::Result<()> {
 /// triangles in its header. A binary file that matches no known type is STL if its name ends in `.stl`, or if
 /// the file begins with triangles and is cut off. The STL reader then reports the error. A JSON file without
 /// keys of glTF in `head` is glTF if its name ends in `.gltf` and more bytes follow, since the later bytes
-/// may contain the keys. A file whose name ends in `.toml` is not JSON: the reader of TOML reports its mistake. If the
-/// contents do not show the format, the file's extension may name a format that raycl does not read. A text that
-/// matches no known type may also be recognised as a list of numbers, such as the coordinates of points.
+/// may contain the keys. JSON without keys of glTF in a file whose name ends in `.toml` counts as unclear: the
+/// reader of TOML then reports the mistake. If the contents do not show the format, the file's extension may name a
+/// format that raycl does not read. A text that matches no known type may also be recognised as a list of numbers,
+/// such as the coordinates of points.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     if of_contents == FileType::Unclear {
@@ -137,7 +138,7 @@ fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     match MeshFormat::from_ending(path) {
         Some(MeshFormat::Stl) if name == UNKNOWN => FileType::Mesh(MeshFormat::Stl),
         Some(MeshFormat::Gltf) if name == JSON && has_more => FileType::Mesh(MeshFormat::Gltf),
-        // TOML may lack the bracket at the end of its first line.
+        // TOML whose first line lacks its last bracket, such as `[camera`, looks like JSON.
         None if name == JSON && is_toml(path) => FileType::Unclear,
         _ if name == UNKNOWN && stl::is_cut_off(head, length) => FileType::Mesh(MeshFormat::Stl),
         _ => of_contents,

@@ -37,7 +37,7 @@ fn of_png(bytes: &[u8], profile: Option<&[u8]>) -> Option<String> {
     // edition, 4.3).
     if let Some(code) = chunk(b"cICP") {
         // sRGB has the primaries 1 and the transfer function 13 (ITU-T H.273). The fourth byte is 1 if the channels use
-        // the full range from 0 to 255.
+        // the full range of values.
         return (!matches!(code, [1, 13, _, 1])).then(|| format!("cICP {code:?}"));
     }
     if chunk(b"iCCP").is_some() {

@@ -1,5 +1,6 @@
-//! Checks that no scan of a progressive JPEG (ITU-T T.81, annex G) is missing. Each scan has some bits of some of a
-//! component's 64 coefficients. The decoder shows a picture without its last scans, blurred or in wrong colours.
+//! Checks that a progressive JPEG (ITU-T T.81, annex G) has its last scans. A block of a component has 64 coefficients;
+//! each scan has some bits of some coefficients of one or more components. The decoder also decodes a file without its
+//! last scans: the picture is then blurred or has wrong colours.
 
 use super::decode::segments_of;
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
@@ -9,11 +10,11 @@ const PROGRESSIVE: u8 = 0xc2;
 /// Largest number of components of a progressive frame, and of a scan.
 const MOST_COMPONENTS: usize = 4;
 
-/// Returns true if a progressive JPEG has no scan with the last bit of a coefficient. Programs write all bits of all
-/// coefficients, so the file was cut off, and perhaps ended by another program. Returns false for other JPEGs, and if
-/// the header of the frame is not valid.
+/// Returns true if, for some coefficient of some component, no scan of a progressive JPEG has the coefficient's last
+/// bit. Programs write all bits of all coefficients, so scans of the file were lost, for example because it was cut
+/// off. Returns false for other JPEGs, and if the header of the frame is not valid.
 pub(super) fn are_missing(bytes: &[u8]) -> bool {
-    // For each component, its name in the file, and the coefficients whose last bits are missing.
+    // For each component, its identifier in the file, and the coefficients whose last bits are missing (one bit each).
     let mut components: Vec<(u8, u64)> = Vec::new();
     let mut rest = bytes.get(2..).unwrap_or_default();
     while let Some(scan) = pass_header(rest, &mut components) {
@@ -22,7 +23,9 @@ pub(super) fn are_missing(bytes: &[u8]) -> bool {
     components.iter().any(|(_, missing)| *missing != 0)
 }
 
-/// Reads the segments up to the header of the next scan. Returns the bytes after this scan; `None` if there is no scan.
+/// Reads the segments up to the header of the next scan, and removes the coefficients whose last bits this scan has
+/// from `components`. Returns the bytes after this scan; `None` if there is no further scan, or if a header is not
+/// valid.
 fn pass_header<'a>(rest: &'a [u8], components: &mut Vec<(u8, u64)>) -> Option<&'a [u8]> {
     for (kind, data, after) in segments_of(rest) {
         match kind {
@@ -52,7 +55,7 @@ fn pass_header<'a>(rest: &'a [u8], components: &mut Vec<(u8, u64)>) -> Option<&'
 
 /// Returns the bytes from the first marker after a scan on.
 fn pass_scan(rest: &[u8]) -> Option<&[u8]> {
-    // A zero, or the number of a restart, does not end the scan.
+    // After the first byte of a marker, a zero or the number of a restart does not end the scan.
     let ends = |pair: &[u8]| pair[0] == MARKER && !matches!(pair[1], 0 | 0xd0..=0xd7 | MARKER);
     rest.windows(2).position(ends).map(|at| &rest[at..])
 }
@@ -61,8 +64,9 @@ fn pass_scan(rest: &[u8]) -> Option<&[u8]> {
 mod tests {
     use super::*;
 
-    /// Returns a progressive JPEG with the components 1 and 2, and with these scans: the names of their components, the
-    /// first and the last coefficient, and the number of the last bit.
+    /// Returns a progressive JPEG with the components 1 and 2, and with these scans: the identifiers of their
+    /// components, the first and the last coefficient, and a byte with the last bit of the earlier scan (the upper
+    /// four bits) and of this scan (the lower four).
     fn of_scans(scans: &[(&[u8], [u8; 2], u8)]) -> Vec<u8> {
         let frame = [MARKER, 0xd8, MARKER, PROGRESSIVE, 0, 14, 8, 0, 8, 0, 8, 2, 1, 0x11, 0, 2, 0x11, 0];
         let scan = |(names, [start, end], bit): &(&[u8], [u8; 2], u8)| {

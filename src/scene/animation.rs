@@ -107,8 +107,8 @@ impl Animation {
         })
     }
 
-    /// Returns notes for those who render the frames: on tracks that are left out, on tracks without effect, and on an
-    /// animation in which nothing changes.
+    /// Returns notes for a command that renders the frames: on tracks that are left out, on tracks and values without
+    /// effect, and on an animation of several frames without tracks.
     pub fn notes_on_tracks(&self) -> Vec<String> {
         let name = &self.document.name;
         let still = || format!("{name}: the animation has no track, so all frames are equal");
@@ -507,7 +507,7 @@ mod tests {
         let unused = "a.toml:10: 2 more values are not used, since the animation has one frame";
         assert_eq!(notes(track, "frames = 1"), [unused]);
         let name = "[[animation.track]]\npath = \"name\"\nvalues = [\"b\", \"c\"]\n";
-        assert_eq!(notes(name, "frames = 3"), ["a.toml:10: a track of `name` has no effect"]);
+        assert_eq!(notes(name, "frames = 3"), ["a.toml:10: a track of `name` changes no picture"]);
     }
 
     #[test]

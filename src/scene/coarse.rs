@@ -13,8 +13,8 @@ const COARSE_LIFT: f64 = 1e-3;
 /// some triangles coarse. Coarse triangles have 1.2% of the area of the Stanford bunny (69,451 triangles),
 /// and 0.1% of that of the dragon (202,520 triangles).
 const COARSE_SHARE: f64 = 0.05;
-/// A lift above a triangle counts if it is more than this fraction of the triangle's edge. Smaller lifts come from
-/// normals in single precision.
+/// A lift above a triangle counts if it is more than this fraction of the triangle's edge. Smaller lifts may come from
+/// the rounding of normals to single precision.
 const LEAST_LIFT: f64 = 1e-5;
 /// Largest number of triangles that are examined. In a mesh of more triangles, only every n-th triangle is
 /// examined, so that the decision takes little time.

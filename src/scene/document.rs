@@ -138,13 +138,13 @@ impl Document {
         Ok(())
     }
 
-    /// Returns a note if a setting of the camera's angle removes the file's field of view.
+    /// Returns a note if a setting of the camera's angle removes the file's field of view, and no setting sets another.
     pub fn note_removed_fov(&self) -> Option<String> {
         let changed = self.changed.as_ref().filter(|changed| overrides::have_angle(&changed.settings))?;
         overrides::note_removed_fov(&changed.original.parse().ok()?, &changed.settings)
     }
 
-    /// Returns the origin of the setting that sets an angle of the camera; `None` if there is none.
+    /// Returns the origin of the first setting that sets an angle of the camera; `None` if there is none.
     pub fn angle(&self) -> Option<String> {
         let settings = &self.changed.as_ref()?.settings;
         settings

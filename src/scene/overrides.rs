@@ -79,7 +79,7 @@ fn refuse_camera_after_angle(settings: &[Setting]) -> Result<()> {
 }
 
 /// Returns a note if the setting of an angle removes the field of view of the scene `document`, and no setting sets a
-/// field of view. (The position and the direction are not noted, since who sets an angle wants others.)
+/// field of view. (The position and the direction are not noted, since a user who sets an angle wants others.)
 pub(super) fn note_removed_fov(document: &Table, settings: &[Setting]) -> Option<String> {
     let angle = settings.iter().find(|setting| is_angle(&setting.path))?;
     let is_fov = |path: &str| path.strip_prefix("camera.").is_some_and(|key| FOV.contains(&key));
@@ -87,9 +87,7 @@ pub(super) fn note_removed_fov(document: &Table, settings: &[Setting]) -> Option
     let camera = document.get("camera").filter(|_| !settings.iter().any(sets_fov))?;
     let key = FOV.into_iter().find(|key| camera.get(key).is_some())?;
     let origin = shortened(&*angle.origin);
-    Some(format!(
-        "{origin} leaves out the scene's `{key}`; to keep this field of view, set camera.{key}, too"
-    ))
+    Some(format!("{origin} removes the scene's `{key}`; to keep it, also set camera.{key}"))
 }
 
 /// Removes the camera's position, direction and field of view.
@@ -270,8 +268,8 @@ mod tests {
             note_removed_fov(&camera.parse().unwrap(), &settings)
         };
         let (scene, azimuth) = ("[camera]\nlook_at = 0\nfov_y_degrees = 20", "camera.azimuth_degrees");
-        let expected = "camera.azimuth_degrees = 9 leaves out the scene's `fov_y_degrees`; to keep this field of view, \
-                        set camera.fov_y_degrees, too";
+        let expected = "camera.azimuth_degrees = 9 removes the scene's `fov_y_degrees`; to keep it, \
+                        also set camera.fov_y_degrees";
         assert_eq!(noted(scene, &["camera.up", azimuth]).as_deref(), Some(expected));
         let silent = [
             (scene, &["camera.up"][..]),

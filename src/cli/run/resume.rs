@@ -9,11 +9,11 @@ use crate::settings;
 use crate::words::{command_line, option, path_word};
 use std::path::Path;
 
-/// Returns `error`, with help that contains the command that continues the run. A mistake in the input is returned
-/// unchanged.
+/// Returns `error`, with help that contains the command that continues the run. If the folder `out` is missing, this
+/// command begins the run again. A mistake in the input is returned unchanged.
 pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     let command = resuming(args, out, &deciding_variables(&args.device));
-    // If the folder was removed during the run, nothing is left to continue.
+    // If the folder was removed or moved during the run, its old path has nothing to continue.
     let is_removed = matches!(error, Error::Run { .. }) && !out.is_dir();
     let purpose = if is_removed { "to begin again" } else { "to continue from here" };
     error.to_be_continued(format!("{purpose}: {command}"))

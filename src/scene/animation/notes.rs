@@ -5,7 +5,7 @@ use crate::scene::assemble::Notes;
 use crate::words::counted;
 use std::collections::HashSet;
 
-/// Largest number of notes on the objects of later frames that are shown, since each frame may have a mesh of its own.
+/// Largest number of shown notes on the objects of later frames. Each frame may have a mesh, and notes, of its own.
 const SHOWN: usize = 10;
 
 /// The notes on the rendered frames of an animation: all notes on the first of these frames, and the notes on the

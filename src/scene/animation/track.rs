@@ -91,11 +91,11 @@ impl Track {
         Some(format!("{} has {effect}: {track} sets {part}", shortened(&*setting.origin)))
     }
 
-    /// Returns a note if the track, or some of its values, change no picture; otherwise `None`.
+    /// Returns a note if this is a track of `name`, or if some of its values are not used; otherwise `None`.
     pub fn note_unused(&self, document: &Document) -> Option<String> {
         let location = || document.location_of(&self.path.span());
         if self.path.get_ref() == "name" {
-            return Some(format!("{}: a track of `name` has no effect", location()));
+            return Some(format!("{}: a track of `name` changes no picture", location()));
         }
         let unused = || counted_are(self.unused, "more value");
         let note = || format!("{}: {} not used, since the animation has one frame", location(), unused());

@@ -32,7 +32,8 @@ const INEXACT: f64 = 1.0 / 64.0;
 const FEW_STEPS: f32 = 128.0;
 /// In a file of single precision, triangles whose sides are at most this many steps long are probably inexact.
 const COARSE_STEPS: f32 = 16.0;
-/// Number of triangles that show whether those of a whole mesh are examined. The others would take time.
+/// Largest number of triangles in the sample that decides whether all triangles of a mesh are examined. To examine all
+/// takes time.
 const SAMPLE: usize = 1024;
 
 /// Which coordinates of a mesh file are valid.
@@ -211,7 +212,7 @@ pub(super) fn settle(
 }
 
 /// Does the same as [`settle`], but scales the mesh only if `fits` returns true for the placement. If it returns false,
-/// positions must be within the usual limit.
+/// the positions of triangles must be within the usual limit.
 pub(super) fn settle_if(
     positions: &[DVec3],
     triangles: &[Triangle],
@@ -244,10 +245,11 @@ pub(super) fn settle_if(
     Ok((positions.iter().map(settled).collect(), placement))
 }
 
-/// Returns the number of inexact `triangles` if they are most of all, and `None` otherwise. A triangle is inexact if
-/// the rounding of its corners to single precision changes one of its sides by more than the part [`INEXACT`] of its
-/// longest side. `settled` has the positions after they were moved, multiplied by `scale` and rounded, and `exact`
-/// returns the positions in the file. It is called only if a sample of the triangles shows that many could be inexact.
+/// Returns the number of inexact `triangles` if more than half of all are inexact; otherwise `None`. A triangle is
+/// inexact if the rounding of its corners to single precision changes one of its sides by more than the part
+/// [`INEXACT`] of its longest side. `settled` has the positions after they were moved, multiplied by `scale` and
+/// rounded, and `exact` returns the positions in the file; it is called only if a sample of the triangles shows that
+/// many could be inexact.
 pub(in crate::scene) fn inexact<'a>(
     triangles: &[Triangle],
     settled: &[Vec3],
@@ -274,7 +276,7 @@ pub(in crate::scene) fn inexact<'a>(
     (2 * count > triangles.len()).then_some(count)
 }
 
-/// Returns true if at least a quarter of a sample of the triangles is so small that they could be inexact.
+/// Returns true if at least a quarter of the triangles in a sample are so small that they could be inexact.
 fn may_be_inexact(triangles: &[Triangle], settled: &[Vec3]) -> bool {
     let is_small =
         |triangle: &&Triangle| is_small(triangle.positions.map(|i| settled[i as usize]), FEW_STEPS);
@@ -285,7 +287,8 @@ fn sample(triangles: &[Triangle]) -> impl Iterator<Item = &Triangle> {
     triangles.iter().step_by(triangles.len().div_ceil(SAMPLE).max(1))
 }
 
-/// Returns true if no side of a triangle is longer than this many steps of single precision at the triangle's place.
+/// Returns true if no coordinate of a triangle's sides is longer than about this many steps of single precision. A step
+/// is the distance between neighbouring numbers near the triangle's largest coordinate.
 fn is_small([a, b, c]: [Vec3; 3], steps: f32) -> bool {
     let sides = [b - a, c - b, a - c].map(|side| side.abs().max_element());
     let farthest = a.abs().max(b.abs()).max(c.abs()).max_element();
@@ -293,8 +296,8 @@ fn is_small([a, b, c]: [Vec3; 3], steps: f32) -> bool {
 }
 
 /// Returns a note on a file that stores positions in single precision, if the sides of most triangles are only a few
-/// steps of single precision long. The program that wrote the file then probably rounded their corners. It did not if
-/// the last bits of the farthest coordinates are zeros, as in a grid of whole numbers.
+/// steps of single precision long. The program that wrote the file then probably rounded their corners. It
+/// probably did not if the last bits of the largest coordinates are 0, as in a grid of whole numbers.
 pub(super) fn note_coarse(triangles: &[Triangle], exact: &[DVec3]) -> Option<String> {
     let corners = |triangle: &Triangle| triangle.positions.map(|index| exact[index as usize].as_vec3());
     let has_last_bit = |corner: Vec3| corner.abs().max_element().to_bits() & 1 == 1;
@@ -431,8 +434,8 @@ mod tests {
         assert!(notes[1].contains("by 2^34 (1.7e10)"), "{notes:?}");
     }
 
-    /// The triangles have sides of 3 units. Single precision stores whole numbers exactly up to 2^24, and multiples of
-    /// 0.5 up to 2^23.
+    /// The sides of the triangles are at most 6 units long. Single precision stores whole numbers exactly up to 2^24,
+    /// and multiples of 0.5 up to 2^23.
     #[test]
     fn a_file_of_single_precision_is_coarse_if_its_triangles_are_small_and_rounded() {
         let is_coarse = |x: f64, count: u32| {

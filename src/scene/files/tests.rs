@@ -283,7 +283,7 @@ fn in_three_formats(triangles: &[[&str; 3]]) -> [(MeshFormat, String); 3] {
     ]
 }
 
-/// A triangle at the origin, and two others 5,400 km away.
+/// The files have a triangle at the origin, and two others that are far away or near.
 #[test]
 fn triangles_that_single_precision_distorts_are_counted_in_every_format() {
     let notes = |side: &str, far: &str| {

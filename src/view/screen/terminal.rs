@@ -88,7 +88,7 @@ impl Terminal {
         }
     }
 
-    /// Returns true if a user can press keys.
+    /// Returns true if a user can press keys: if standard input and standard output are terminals.
     pub fn is_interactive(&self) -> bool {
         self.is_interactive
     }

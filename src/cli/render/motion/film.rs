@@ -77,6 +77,7 @@ impl Film {
     }
 
     /// Returns `notes`, the notes on the loaded scene, with those on the rendered frames instead of those on frame 1.
+    /// The notes on a turntable stay the same.
     pub fn notes(&self, notes: Vec<String>) -> Vec<String> {
         match self {
             Self::Turntable { .. } => notes,

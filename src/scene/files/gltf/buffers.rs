@@ -18,7 +18,7 @@ use std::rc::Rc;
 /// The remedy if raycl cannot read a file that a buffer names.
 const FILES: &str = "put the files that a glTF file names into the folder of the glTF file, or export everything as one .glb file";
 
-/// The words in a `data:` URI before the data.
+/// The text before the data in a `data:` URI. Capital letters do not matter.
 const BASE64: &[u8] = b";base64,";
 
 /// The bytes of a buffer. Buffers that name the same file share its bytes.
@@ -165,8 +165,8 @@ pub(super) fn decoded(data: &str) -> Parsed<Vec<u8>> {
     engine.decode(text).or_else(|_| engine.decode(plain(text))).map_err(damaged)
 }
 
-/// Returns base64 without blanks, line ends and escapes such as `%2B`, and with `+` and `/` for the `-` and `_` of the
-/// alphabet for URLs.
+/// Returns base64 in its usual form. Escapes such as `%2B` are replaced by their characters, and the `-` and `_` of the
+/// alphabet for URLs by `+` and `/`. Blanks and line ends are removed.
 fn plain(text: &str) -> String {
     let text = unescaped(text).replace('-', "+").replace('_', "/");
     text.split_ascii_whitespace().collect()

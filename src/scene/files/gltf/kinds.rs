@@ -36,7 +36,7 @@ impl Kind {
     }
 
     /// Returns true if an extension belongs to objects of this kind. The answer is only right for extensions that raycl
-    /// reads, for extensions of materials, and for extensions of nodes on which there are notes.
+    /// reads, for extensions of materials, and for the extensions of nodes that [`node_extensions`] knows.
     pub fn takes(&self, extension: &str) -> bool {
         let is_of_material = extension.starts_with("KHR_materials_") && std::ptr::eq(self, &MATERIAL);
         let is_of_node = node_extensions::are_noted(extension) && std::ptr::eq(self, &NODE);

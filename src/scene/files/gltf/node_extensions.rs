@@ -1,4 +1,4 @@
-//! Counts nodes that lose something because raycl does not support an extension of theirs.
+//! Counts nodes that raycl draws wrongly because it does not support an extension.
 
 use super::left_out::{Counted, notes_on};
 use super::transforms::PlacedNode;
@@ -26,12 +26,12 @@ pub(super) fn notes(root: &Root, placed: &[PlacedNode]) -> impl Iterator<Item = 
         (
             nodes().filter(has_mesh).filter(has_instances).count(),
             "node with a mesh and EXT_mesh_gpu_instancing",
-            "drawn without these instances, only at the node's own place",
+            "drawn without instances, only once per node",
         ),
         (
             nodes().filter(has_mesh).filter(|number| is_hidden[*number]).count(),
-            "node with a mesh that KHR_node_visibility hides",
-            "drawn",
+            "node with a mesh, hidden by KHR_node_visibility,",
+            "drawn nevertheless",
         ),
     ];
     notes_on(counts)
@@ -44,11 +44,11 @@ pub(super) fn note_lights(root: &Root, placed: &[PlacedNode]) -> impl Iterator<I
     let has_light = |node: &Node| node.extensions.as_ref().is_some_and(|of| of.khr_lights_punctual.is_some());
     let lights = placed.iter().map(|(node, _)| node.value()).filter(|number| has_light(&root.nodes[*number]));
     let count = lights.filter(|number| is_hidden[*number]).count();
-    notes_on([(count, "light that KHR_node_visibility hides", "used")])
+    notes_on([(count, "light, hidden by KHR_node_visibility,", "used nevertheless")])
 }
 
-/// Returns, for each node of the file, whether the extension [`VISIBILITY`] hides it. In `placed`, a parent comes
-/// before its children.
+/// Returns, for each node of the file, whether it is in the shown scene and the extension [`VISIBILITY`] hides it. In
+/// `placed`, a parent comes before its children.
 fn hidden(root: &Root, placed: &[PlacedNode]) -> Vec<bool> {
     let mut is_hidden = vec![false; root.nodes.len()];
     for number in placed.iter().map(|(node, _)| node.value()) {

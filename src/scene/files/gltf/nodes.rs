@@ -51,7 +51,7 @@ pub(super) struct Walk<'a> {
     mapped: Vec<Mapped>,
     /// The indices of the triangles that have a texture but no texture coordinates.
     unmapped: Vec<usize>,
-    /// The number of these triangles whose texture has a mask.
+    /// The number of these triangles whose texture makes holes.
     unmasked: usize,
     /// The index of the first triangle of each node that has a mesh. If no node has a mesh, the list has the
     /// index of the first triangle of each mesh.

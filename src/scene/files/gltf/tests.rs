@@ -590,7 +590,7 @@ fn a_light_of_a_hidden_node_is_used_with_a_note() {
     let lights = r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}, "#;
     let node = r#"{"mesh": 0, "extensions": {"KHR_node_visibility": {"visible": false}, "KHR_lights_punctual": {"light": 0}},"#;
     let file = read(&triangle().replacen('{', lights, 1).replace(r#"{"mesh": 0,"#, node)).unwrap();
-    assert_eq!(file.light_notes, ["1 light that KHR_node_visibility hides is used"]);
+    assert_eq!(file.light_notes, ["1 light, hidden by KHR_node_visibility, is used nevertheless"]);
 }
 
 #[test]

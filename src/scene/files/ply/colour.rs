@@ -109,13 +109,13 @@ fn full_channel(property: &Property) -> f64 {
     }
 }
 
-/// Checks the range of colours whose channels have types of whole numbers. `element` is the definition of the colours'
+/// Checks the range of the colour channels that are whole numbers. `element` is the definition of the colours'
 /// elements, and `colours` returns the colours.
 ///
 /// Some programs write channels from 0 to 255 in the type `ushort`. If none of these channels is larger than 255, they
 /// would be almost black, so they count as numbers from 0 to 255, with a note. Colours are also almost black if
-/// channels of 10 bits or fewer are in the type `ushort`, or if no channel of another type is larger than 1; this
-/// causes only a note.
+/// channels of 10 bits or fewer are in the type `ushort`, or if no channel of other whole numbers is larger than
+/// 1. This causes only a note, and only if red, green and blue have the same range.
 pub(super) fn check_range<'a>(
     element: &ElementDef,
     colours: impl FnOnce() -> Vec<&'a mut Colour>,

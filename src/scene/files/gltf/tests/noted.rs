@@ -200,7 +200,7 @@ fn a_mesh_that_single_precision_distorts_is_noted() {
     }
 }
 
-/// A node moves the triangle by 1e13, and scales it so much that single precision could not store it.
+/// A node moves the triangle by 1e13, or scales it so much that single precision could not store it.
 #[test]
 fn a_bare_file_may_lie_beyond_the_limit_of_coordinates() {
     let node = |transform: &str| triangle().replace(r#""translation": [0, 0, 5]"#, transform);
@@ -389,7 +389,7 @@ fn extensions_in_places_where_they_have_no_meaning_are_noted() {
     assert_noted(&text, &[note]);
 }
 
-/// The second node hides itself and its child. The last node is not in the scene.
+/// The second node either hides itself and its children, or does not. The last node is not in the scene.
 #[test]
 fn nodes_that_lose_instances_or_are_drawn_although_hidden_are_counted() {
     let visible = |value| format!(r#""extensions": {{"KHR_node_visibility": {{"visible": {value}}}}}"#);
@@ -406,10 +406,10 @@ fn nodes_that_lose_instances_or_are_drawn_although_hidden_are_counted() {
             .replace("[0, 0, 5]}", &format!("[0, 0, 5]}}, {nodes}"))
     };
     let outside = "1 node with a mesh, outside the shown scene, is left out";
-    let instance = "1 node with a mesh and EXT_mesh_gpu_instancing is drawn without these instances, only at the \
-                    node's own place";
+    let instance =
+        "1 node with a mesh and EXT_mesh_gpu_instancing is drawn without instances, only once per node";
     assert_noted(&nodes(&format!(r#""mesh": 0, {}"#, visible("true"))), &[outside, instance]);
-    let hidden = "2 nodes with a mesh that KHR_node_visibility hides are drawn";
+    let hidden = "2 nodes with a mesh, hidden by KHR_node_visibility, are drawn nevertheless";
     assert_noted(&nodes(&format!(r#""mesh": 0, {}"#, visible("false"))), &[outside, instance, hidden]);
 }
 
