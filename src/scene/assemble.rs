@@ -67,7 +67,7 @@ pub(super) fn assemble(
     if let Some(most) = shot.most_triangles {
         objects::refuse_many(document, &wire.object, most)?;
     }
-    let Joined { mut mesh, origin, seen, mut starts, notes: of_objects } =
+    let Joined { mut mesh, origin, seen, mut starts, notes: of_objects, mut idle } =
         cache.joined(|cache| join(document, &wire, cache))?;
     wire.set_origin(origin);
     let mut notes = Vec::new();
@@ -95,7 +95,7 @@ pub(super) fn assemble(
     let studio = dressed.map(|ball| Studio::around(&mesh, ball, &camera, wire.camera.upright()));
     let smooth_shadows =
         wire.smooth_shadows.unwrap_or_else(|| dressed.is_some_and(|ball| is_coarse(&mesh, ball)));
-    notes.extend(note_smooth_shadows(document, &wire, &mesh));
+    idle.extend(note_smooth_shadows(document, &wire, &mesh));
     let lights = lights(document, &wire, &seen, &camera, ball, studio.as_ref(), &mut notes);
     let seen_from = (wire.camera.upright(), wire.background.is_none());
     let sky =
@@ -121,7 +121,7 @@ pub(super) fn assemble(
     let eye_is_set = wire.camera.position.is_some();
     let is_framed = framed && !eye_is_set;
     let dressed = studio.is_some();
-    let notes = Notes { of_objects, others: notes, dark };
+    let notes = Notes { of_objects, others: notes, idle, dark };
     Ok(Assembled { scene, orbit, starts, own_triangles, dressed, eye_is_set, is_framed, two_sided, notes })
 }
 
@@ -255,6 +255,8 @@ pub(super) struct Joined {
     starts: Vec<u32>,
     /// The notes on the objects, each text once.
     notes: Vec<String>,
+    /// The notes on the objects' settings that have no effect.
+    idle: Vec<String>,
 }
 
 fn join(document: &Document, wire: &SceneWire, cache: &mut FrameCache) -> Result<Joined> {
@@ -262,7 +264,7 @@ fn join(document: &Document, wire: &SceneWire, cache: &mut FrameCache) -> Result
     let files = made(document, wire, cache)?;
     let origin = objects::origin(document, &wire.object, &files);
     let mut notes: Vec<String> = files.iter().flat_map(|file| file.notes.iter().cloned()).collect();
-    notes.extend(objects::unused_creases(document, wire, &files));
+    let idle = objects::unused_creases(document, wire, &files);
     for (object, file) in wire.object.iter().zip(files) {
         let file = objects::placed(object.get_ref(), file, origin);
         let first = mesh.triangles.len();
@@ -296,7 +298,7 @@ fn join(document: &Document, wire: &SceneWire, cache: &mut FrameCache) -> Result
             .with_help("add [[object]] with mesh = \"FILE\", shape = \"NAME\", or vertices and faces"));
     }
     mesh.darken_unused_materials();
-    Ok(Joined { mesh: mesh.into(), origin, seen, starts, notes })
+    Ok(Joined { mesh: mesh.into(), origin, seen, starts, notes, idle })
 }
 
 /// Returns the mesh of each object in the object's own coordinates.

@@ -61,7 +61,7 @@ impl Texture {
     }
 
     /// Returns true if at least one texel is so transparent that it makes a hole.
-    fn has_holes(&self) -> bool {
+    pub(in crate::scene) fn has_holes(&self) -> bool {
         let least = self.least_step();
         self.texels[..self.level_start(1)].iter().any(|texel| f64::from(texel >> 24) < least)
     }

@@ -44,6 +44,7 @@ impl FrameNotes {
             self.first = Some(if frame == 1 { self.loaded.clone() } else { notes });
             return;
         };
+        first.idle.retain(|note| notes.idle.contains(note));
         first.dark = first.dark.take().filter(|_| notes.dark.is_some());
         let shown = new.len().min(SHOWN - self.later.len());
         self.more += new.len() - shown;
@@ -81,7 +82,12 @@ mod tests {
 
     fn notes(of_objects: &[&str], other: &str, dark: Option<&str>) -> Notes {
         let of_objects = of_objects.iter().map(|&note| note.to_owned()).collect();
-        Notes { of_objects, others: vec![other.to_owned()], dark: dark.map(str::to_owned) }
+        Notes {
+            of_objects,
+            others: vec![other.to_owned()],
+            dark: dark.map(str::to_owned),
+            ..Notes::default()
+        }
     }
 
     #[test]
@@ -101,6 +107,21 @@ mod tests {
         assert_eq!(frames.instead_of_loaded(all()), [&of_4[..], &later].concat());
         frames.add(7, notes(&[], "camera 7", None));
         assert_eq!(frames.instead_of_loaded(all()), [&of_4[..4], &later].concat(), "frame 7 is lit");
+    }
+
+    #[test]
+    fn a_setting_has_no_effect_only_if_it_has_none_on_any_frame() {
+        let idle = |notes: &[&str]| Notes {
+            idle: notes.iter().map(|&note| note.to_owned()).collect(),
+            ..Notes::default()
+        };
+        let mut frames = FrameNotes::default();
+        frames.load(idle(&["crease", "smooth"]));
+        frames.add(1, idle(&["crease", "smooth"]));
+        frames.add(2, idle(&["flat", "smooth"]));
+        frames.add(3, idle(&["crease", "smooth"]));
+        let loaded = ["crease", "smooth"].map(str::to_owned).to_vec();
+        assert_eq!(frames.instead_of_loaded(loaded), ["smooth"]);
     }
 
     #[test]

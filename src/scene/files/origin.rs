@@ -297,18 +297,19 @@ fn is_small([a, b, c]: [Vec3; 3], steps: f32) -> bool {
 
 /// Returns a note on a file that stores positions in single precision, if the sides of most triangles are only a few
 /// steps of single precision long. The program that wrote the file then probably rounded their corners. It
-/// probably did not if the last bits of the largest coordinates are 0, as in a grid of whole numbers.
+/// probably did not if the last bits of nearly all largest coordinates are equal, as in a grid of whole numbers, or of
+/// whole numbers and a half.
 pub(super) fn note_coarse(triangles: &[Triangle], exact: &[DVec3]) -> Option<String> {
     let corners = |triangle: &Triangle| triangle.positions.map(|index| exact[index as usize].as_vec3());
-    let has_last_bit = |corner: Vec3| corner.abs().max_element().to_bits() & 1 == 1;
-    let is_coarse = |triangle: &&Triangle| {
-        let corners = corners(triangle);
-        is_small(corners, COARSE_STEPS) && corners.into_iter().any(has_last_bit)
+    let last_bit = |corner: Vec3| corner.abs().max_element().to_bits() & 1;
+    let visible = || sample(triangles).map(corners).filter(|corners| are_apart(corners));
+    let have_most = |bit: u32| {
+        let is_coarse = |corners: &[Vec3; 3]| {
+            is_small(*corners, COARSE_STEPS) && corners.iter().any(|corner| last_bit(*corner) == bit)
+        };
+        2 * visible().filter(is_coarse).count() > visible().count()
     };
-    let is_visible = |triangle: &&Triangle| are_apart(&corners(triangle));
-    let visible = sample(triangles).filter(is_visible).count();
-    let are_most = 2 * sample(triangles).filter(is_visible).filter(is_coarse).count() > visible;
-    are_most.then(|| {
+    (have_most(0) && have_most(1)).then(|| {
         "the file stores positions in single precision, which is coarse so far from the origin: the shapes of most \
          triangles may be inexact"
             .to_owned()
@@ -435,24 +436,24 @@ mod tests {
     }
 
     /// The sides of the triangles are at most 6 units long. Single precision stores whole numbers exactly up to 2^24,
-    /// and multiples of 0.5 up to 2^23.
+    /// and multiples of 0.5 from 2^22 to 2^23.
     #[test]
     fn a_file_of_single_precision_is_coarse_if_its_triangles_are_small_and_rounded() {
-        let is_coarse = |x: f64, count: u32| {
-            let corner =
-                |number: u32| DVec3::new(x + 3.0 * f64::from(number), 3.0 * f64::from(number % 2), 0.0);
+        let is_coarse = |x: f64, step: f64, count: u32| {
+            let rounded = |value: f64| f64::from(value as f32);
+            let corner = |number: u32| {
+                DVec3::new(rounded(x + step * f64::from(number)), step * f64::from(number % 2), 0.0)
+            };
             let positions: Vec<_> = (0..3 * count).map(corner).collect();
             let triangle =
                 |at: u32| Triangle { positions: [at, at + 1, at + 2], normals: [0; 3], material: 0 };
             let triangles: Vec<_> = (0..count).map(|number| triangle(3 * number)).collect();
             note_coarse(&triangles, &positions).is_some()
         };
-        assert_eq!(
-            [1e3, 1e6, 5_400_000.0, 5_400_000.5].map(|x| is_coarse(x, 9)),
-            [false, false, false, true]
-        );
-        assert!(is_coarse(5_400_000.5, 5000) && !is_coarse(5_400_000.0, 5000));
-        assert!(!is_coarse(0.0, 0));
+        assert_eq!([1e3, 1e6, 5_400_000.0].map(|x| is_coarse(x, 2.9, 9)), [false, false, true]);
+        assert!(is_coarse(5_400_000.0, 2.9, 5000));
+        assert!([5_400_000.0, 5_400_000.5].map(|x| is_coarse(x, 3.0, 9)) == [false; 2], "nothing is rounded");
+        assert!(!is_coarse(0.0, 1.0, 0) && !is_coarse(0.1, 0.0, 9), "without visible triangles");
     }
 
     #[test]

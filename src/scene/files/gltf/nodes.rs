@@ -51,8 +51,8 @@ pub(super) struct Walk<'a> {
     mapped: Vec<Mapped>,
     /// The indices of the triangles that have a texture but no texture coordinates.
     unmapped: Vec<usize>,
-    /// The number of these triangles whose texture makes holes.
-    unmasked: usize,
+    /// The number of these triangles for each texture that is a mask, by the index of the texture.
+    unmasked: HashMap<u32, usize>,
     /// The index of the first triangle of each node that has a mesh. If no node has a mesh, the list has the
     /// index of the first triangle of each mesh.
     starts: Vec<u32>,
@@ -88,7 +88,7 @@ impl<'a> Walk<'a> {
             has_maps: maps.iter().any(Option::is_some),
             mapped: Vec::new(),
             unmapped: Vec::new(),
-            unmasked: 0,
+            unmasked: HashMap::new(),
             starts: Vec::new(),
             cameras: Vec::new(),
             lights: Vec::new(),
@@ -244,7 +244,7 @@ impl<'a> Walk<'a> {
             let row = (!part.coordinates.is_empty()).then(mapped).flatten();
             row.unwrap_or_else(|| {
                 unmapped.push(first + number);
-                *unmasked += usize::from(map.mask().is_some());
+                map.mask().into_iter().for_each(|mask| *unmasked.entry(mask).or_default() += 1);
                 Mapped::NONE
             })
         }));
@@ -271,6 +271,8 @@ impl<'a> Walk<'a> {
             origin::inexact(triangles, &positions, placement.scale, || Cow::from(&self.positions)).is_some()
         };
         let distorted = self.of_nodes().filter(distorted).count();
+        let with_holes = self.unmasked.iter().filter(|(mask, _)| pictures[**mask as usize].has_holes());
+        let unmasked = with_holes.map(|(_, count)| count).sum();
         let camera_notes = self.camera_notes();
         let light_notes = self.left_out.light_notes().collect();
         let textures = Textures::of(pictures, self.mapped, &materials);
@@ -289,7 +291,7 @@ impl<'a> Walk<'a> {
             colours::paint(&mut mesh, &self.colours);
             notes.extend(colours::note_outside(self.outside, "vertex"));
         }
-        notes.extend((!self.unmapped.is_empty()).then(|| unmapped(self.unmapped.len(), self.unmasked, dark)));
+        notes.extend((!self.unmapped.is_empty()).then(|| unmapped(self.unmapped.len(), unmasked, dark)));
         notes.extend(LeftOut { distorted, ..self.left_out }.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
         let camera = self.cameras.first().map(|camera| camera.placed_by(&placement));

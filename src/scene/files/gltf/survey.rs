@@ -138,7 +138,9 @@ impl Walk<'_> {
     fn add(&mut self, key: &str) {
         match self.keys {
             Keys::Extensions(kind) => {
-                *self.survey.extensions.entry(key.to_owned()).or_default() += 1;
+                // The file's own object only defines what its parts use.
+                let is_of_file = kind.is_some_and(|kind| std::ptr::eq(kind, &kinds::FILE));
+                *self.survey.extensions.entry(key.to_owned()).or_default() += usize::from(!is_of_file);
                 if let Some(kind) = kind.filter(|kind| !kind.takes(key)) {
                     *self.survey.misplaced.entry((key.to_owned(), kind.name)).or_default() += 1;
                 }
@@ -288,7 +290,7 @@ mod tests {
         let json = r#"{"extensions": {"A": {"extensions": {"B": {}}}}, "nodes": [{"extensions": {"C": 1, "A": 2}}],
 "extras": {"extensions": {"D": {}}}, "extensionsUsed": ["E"]}"#;
         let names: Vec<_> = survey(json).unwrap().extensions.into_iter().collect();
-        assert_eq!(names, [("A".to_owned(), 2), ("B".to_owned(), 1), ("C".to_owned(), 1)]);
+        assert_eq!(names, [("A".to_owned(), 1), ("B".to_owned(), 1), ("C".to_owned(), 1)]);
     }
 
     #[test]
