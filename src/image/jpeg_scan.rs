@@ -21,7 +21,7 @@ type Codes = Vec<[u8; 2]>;
 /// Returns true if the compressed values end too early for the picture's number of blocks, or contain a code that does
 /// not exist. Nearly all losses of many bytes have one of these effects. Bytes that are left after the last block do
 /// not count, since some programs write such bytes. Of a progressive picture, only missing scans are noticed (see
-/// [`jpeg_scans`]). Other pictures with another kind of frame than `FRAMES`, or with several scans, are not checked.
+/// the module `jpeg_scans`). Other pictures with another kind of frame than `FRAMES`, or with several scans, are not checked.
 pub fn is_damaged(bytes: &[u8]) -> bool {
     let Some((blocks, mut bits)) = blocks_of(bytes) else { return jpeg_scans::are_missing(bytes) };
     blocks.pass_all(&mut bits).is_none()

@@ -302,7 +302,7 @@ fn is_small([a, b, c]: [Vec3; 3], steps: f32) -> bool {
 pub(super) fn note_coarse(triangles: &[Triangle], exact: &[DVec3]) -> Option<String> {
     let corners = |triangle: &Triangle| triangle.positions.map(|index| exact[index as usize].as_vec3());
     let last_bit = |corner: Vec3| corner.abs().max_element().to_bits() & 1;
-    let visible = || sample(triangles).map(corners).filter(|corners| are_apart(corners));
+    let visible = || sample(triangles).map(corners).filter(are_apart);
     let have_most = |bit: u32| {
         let is_coarse = |corners: &[Vec3; 3]| {
             is_small(*corners, COARSE_STEPS) && corners.iter().any(|corner| last_bit(*corner) == bit)
