@@ -450,8 +450,8 @@ mod tests {
             let triangles: Vec<_> = (0..count).map(|number| triangle(3 * number)).collect();
             note_coarse(&triangles, &positions).is_some()
         };
-        assert_eq!([1e3, 1e6, 5_400_000.0].map(|x| is_coarse(x, 2.9, 9)), [false, false, true]);
-        assert!(is_coarse(5_400_000.0, 2.9, 5000));
+        assert_eq!([1e3, 1e6, 5_400_000.0].map(|x| is_coarse(x, 2.7, 9)), [false, false, true]);
+        assert!(is_coarse(5_400_000.0, 2.7, 5000));
         assert!([5_400_000.0, 5_400_000.5].map(|x| is_coarse(x, 3.0, 9)) == [false; 2], "nothing is rounded");
         assert!(!is_coarse(0.0, 1.0, 0) && !is_coarse(0.1, 0.0, 9), "without visible triangles");
     }
