@@ -14,7 +14,7 @@ mod tests;
 pub use swapped::{experiment_instead, scene_instead};
 
 pub use crate::reader::{STANDARD_INPUT, is_standard_input};
-pub use opened::Opened;
+pub use opened::{Opened, standard_input};
 
 use crate::error::Error;
 use crate::words::{path_word, quote};

@@ -14,6 +14,17 @@ const HEAD_BYTES: usize = 1 << 16;
 /// The first bytes of a gzip file.
 const GZIP: &[u8] = b"\x1f\x8b";
 
+/// Reads all of standard input.
+///
+/// # Errors
+///
+/// Fails if standard input cannot be read, or is larger than half of the free memory.
+pub fn standard_input() -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    within_memory(io::stdin().lock(), half_of_memory(), &mut bytes)?;
+    Ok(bytes)
+}
+
 /// An open file. A packed file (gzip) or standard input has been read completely. If a file is neither packed
 /// nor standard input, only its first bytes have been read.
 #[derive(Debug)]
@@ -39,8 +50,7 @@ impl Opened {
     /// of the free memory.
     pub fn at(path: &Path) -> io::Result<Self> {
         if is_standard_input(path) {
-            let mut head = Vec::new();
-            within_memory(io::stdin().lock(), half_of_memory(), &mut head)?;
+            let head = standard_input()?;
             return if head.starts_with(GZIP) {
                 unpacked(&head[..], path)
             } else {

@@ -5,7 +5,7 @@ use super::encode::{exr, frame_png, hdr, jpeg, png, shown_png};
 use super::hdr_header::{HdrExposure, with_usual_signature};
 use super::{Frame, Radiance, to_rgb8};
 use crate::error::{Error, Result, nearest};
-use crate::filetype::Opened;
+use crate::filetype::standard_input;
 use crate::memory::Available;
 use crate::output::{Target, mark};
 use crate::reader::{self, is_standard_input, names_a_folder};
@@ -177,7 +177,7 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radian
         Error::input(format!("cannot read the picture '{}': {why}", path.display())).with_help(READABLE)
     };
     let bytes = with_usual_signature(match is_standard_input(path) {
-        true => piped(path).map_err(|error| unreadable(&error))?,
+        true => piped().map_err(|error| unreadable(&error))?,
         false => stored(path, &available())?,
     });
     if bytes.is_empty() {
@@ -201,9 +201,9 @@ fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<(Radian
     Ok((radiance(picture, exposure), values))
 }
 
-/// Reads all of standard input, whose path is `path`.
-fn piped(path: &Path) -> std::io::Result<Vec<u8>> {
-    Opened::at(path)?.bytes(reader::Kind::Picture)
+/// Reads a picture's bytes from standard input.
+fn piped() -> std::io::Result<Vec<u8>> {
+    reader::within(standard_input()?, reader::Kind::Picture)
 }
 
 /// Reads the file of a picture, if it fits into the available memory.
