@@ -1,8 +1,9 @@
 //! Removes guesses of clap (the library that parses the arguments) that do not help: names of hidden commands, and `--`
 //! before a word that is hardly meant as a value. If a file stands in place of a command, the error suggests the
-//! command that reads this file.
+//! command that reads this file. An unknown option that is named like a key is answered with `--set`.
 
 use super::Cli;
+use super::keys_as_options::suggest_set;
 use crate::filetype::experiment_instead;
 use crate::reader;
 use crate::words::{path_word, quote};
@@ -17,7 +18,7 @@ use std::path::Path;
 pub fn explain(error: clap::Error, words: &[OsString]) -> clap::Error {
     match error.kind() {
         ErrorKind::InvalidSubcommand => without_hidden_commands(with_command_of_file(error, words)),
-        ErrorKind::UnknownArgument => without_double_dash(error),
+        ErrorKind::UnknownArgument => suggest_set(without_double_dash(error), words),
         _ => error,
     }
 }

@@ -14,6 +14,7 @@ pub mod figures;
 mod guarded;
 mod guesses;
 pub mod kernel;
+mod keys_as_options;
 pub mod man;
 mod measured;
 pub mod merge;
