@@ -724,8 +724,12 @@ fn of_several_cameras_that_of_the_first_node_in_the_scenes_order_is_used() {
 fn a_rotation_of_length_zero_does_not_turn() {
     let text = triangle().replace(r#""translation""#, r#""rotation": [0, 0, 0, 0], "translation""#);
     assert_eq!(corners(&read(&text).unwrap().mesh), corners(&read(&triangle()).unwrap().mesh));
-    let long = triangle().replace(r#""translation""#, r#""rotation": [0, 0, 0, 2], "translation""#);
-    assert_eq!(corners(&read(&long).unwrap().mesh), corners(&read(&triangle()).unwrap().mesh));
+    let rotated = |rotation: &str| {
+        let rotation = format!(r#""rotation": [{rotation}], "translation""#);
+        corners(&read(&triangle().replace(r#""translation""#, &rotation)).unwrap().mesh)
+    };
+    // A quaternion of another length than 1 turns by the same angle.
+    assert_eq!(rotated("0, 0, 3, 3"), rotated("0, 0, 0.7071067811865476, 0.7071067811865476"));
 }
 
 #[test]

@@ -368,8 +368,8 @@ fn required_extensions_that_no_part_has_are_named() {
     };
     assert_eq!(required(r#""KHR_texture_transform", "KHR_materials_emissive_strength""#), [""; 0]);
     let note = "the file requires extensions that raycl does not support, so the picture may be wrong: \
-                `KHR_materials_foo`, `EXT_texture_webp`";
-    assert_eq!(required(r#""KHR_materials_foo", "EXT_texture_webp""#), [note]);
+                `KHR_materials_sheen`, `EXT_texture_webp`";
+    assert_eq!(required(r#""KHR_materials_sheen", "EXT_texture_webp""#), [note]);
 }
 
 #[test]
