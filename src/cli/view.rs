@@ -15,7 +15,7 @@ use std::time::Duration;
 
 /// The note on a view that neither a key nor a limit can end.
 const ENDLESS: &str =
-    "note: keys need a terminal as input and output: end the view with Ctrl-C, --frames or --seconds";
+    "note: without a terminal, no keys are read: Ctrl-C ends the view; --frames or --seconds would limit it";
 
 /// Arguments of `raycl view`.
 #[derive(Debug, clap::Args)]
