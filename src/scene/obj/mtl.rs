@@ -2,7 +2,7 @@
 //! lines with Kd, Ks and Ns.
 
 use super::Permitted;
-use super::asked::Asked;
+use super::asked::{Asked, Wish};
 use super::flaws::{FileFlaws, Flaws, LineFlaws};
 use super::namesakes::Namesakes;
 use super::text::{
@@ -370,6 +370,9 @@ impl Materials {
             let emission = completed(emission, emitted);
             self.maps.push(Maps::new(completed(colour, own), completed(mask, own), emission, &mut asked));
             let emitted = Vec3::from_array(emitted.unwrap_or_default());
+            if has_even_highlight(material) {
+                asked.add(Wish::EvenHighlight, b"Ns 0");
+            }
             let material = Material { emitted, ..convert(material) };
             wishes::of_model(&mut asked, model.as_deref(), material.glossy != Vec3::ZERO);
             self.list.push(material);
@@ -498,6 +501,7 @@ fn check(text: &[u8]) -> Checked {
     let mut checked = Checked::default();
     for (number, (offset, line)) in (1..).zip(Chunk::whole(text).lines()) {
         let (name, rest) = keyword(line);
+        let name = with_usual_case(name);
         checked.pictures.extend(picture(name, rest));
         if checked.extras.is_empty() && name != b"newmtl" {
             let is_statement = !name.is_empty() && !name.starts_with(b"#");
@@ -517,15 +521,33 @@ fn check(text: &[u8]) -> Checked {
     checked
 }
 
-/// Converts a material: Kd is k_L, Ks is k_G, and Ns is the highlight's exponent s. Without Ks, the material has no
-/// highlight.
+/// Returns a keyword in the usual upper and lower case, if it is one that raycl reads. Keywords that begin with `map_`
+/// are compared without regard to case where they are read.
+fn with_usual_case(keyword: &[u8]) -> &[u8] {
+    const KEYWORDS: [&[u8]; 6] = [b"newmtl", b"Kd", b"Ks", b"Ns", b"Ke", b"illum"];
+    KEYWORDS.into_iter().find(|known| known.eq_ignore_ascii_case(keyword)).unwrap_or(keyword)
+}
+
+/// Converts a material: Kd is k_L, Ks is k_G, and Ns is the highlight's exponent s. Without Ks, or with an exponent of
+/// 0, the material has no highlight.
 fn convert(material: &tobj::Material) -> Material {
     let lambertian = material.diffuse.map_or(Vec3::splat(DEFAULT_LAMBERTIAN), Vec3::from_array);
-    let glossy = material.specular.map_or(Vec3::ZERO, Vec3::from_array);
-    if glossy == Vec3::ZERO {
+    if !has_highlight(material) || has_even_highlight(material) {
         return Material::lambertian(lambertian);
     }
+    let glossy = material.specular.map_or(Vec3::ZERO, Vec3::from_array);
     Material::blinn_phong(lambertian, glossy, material.shininess.unwrap_or(PAPER_SHININESS))
+}
+
+fn has_highlight(material: &tobj::Material) -> bool {
+    material.specular.is_some_and(|glossy| Vec3::from_array(glossy) != Vec3::ZERO)
+}
+
+/// Returns true if the material has a highlight with the exponent 0. Programs such as MeshLab write this exponent
+/// together with a white Ks if a material has no highlight. A highlight with this exponent would be as bright at all
+/// angles, so it would make the whole surface paler.
+fn has_even_highlight(material: &tobj::Material) -> bool {
+    has_highlight(material) && material.shininess == Some(0.0)
 }
 
 #[cfg(test)]
@@ -544,6 +566,29 @@ mod tests {
         let mut file = parse("a.obj", reach, text.as_bytes()).unwrap();
         file.keep_notes(|_| true);
         (file.notes, *file.mesh.material(&file.mesh.triangles[0]))
+    }
+
+    #[test]
+    fn a_highlight_with_the_exponent_0_is_left_out_with_a_note() {
+        let read = |values: &str| read("m.mtl", &[("m.mtl", &format!("newmtl paint\n{values}\n"))], true);
+        let note = "1 material asks for a highlight as bright at all angles (Ns 0), which raycl does not support: there \
+                    is no highlight";
+        let (notes, material) = read("Kd 0.2 0.1 0.1\nKs 1 1 1\nNs 0");
+        assert_eq!(
+            (notes, material),
+            (vec![note.to_owned()], Material::lambertian(Vec3::new(0.2, 0.1, 0.1)))
+        );
+        assert_eq!(read("Ks 0 0 0\nNs 0").0, [""; 0]);
+        let (notes, material) = read("Ks 1 1 1\nNs 1");
+        assert_eq!((notes.len(), material.glossy, material.shininess), (0, Vec3::ONE, 1.0));
+    }
+
+    #[test]
+    fn the_case_of_keywords_does_not_matter() {
+        let read = |text: &str| read("m.mtl", &[("m.mtl", text)], true);
+        let expected = read("newmtl paint\nKd 0.2 0.1 0.1\nKs 1 1 1\nNs 3\nKe 1 0 0\nillum 2\n");
+        assert_eq!(expected.0, [""; 0]);
+        assert_eq!(read("NEWMTL paint\nkd 0.2 0.1 0.1\nKS 1 1 1\nns 3\nKE 1 0 0\nIllum 2\n"), expected);
     }
 
     #[test]

@@ -277,7 +277,7 @@ fn what_a_material_asks_for_is_noted_by_name_and_count() {
         ("illum 7\nNi 1.5", "asks for refraction (illum 7)"),
         ("illum 10", "asks for a surface that shows only shadows (illum 10)"),
         ("illum 42", "asks for an unknown illumination model (illum 42)"),
-        ("kd 1 1 1\nkd 1 1 1", "unknown keywords of 1 material are ignored (`kd`)"),
+        ("Kq 1 1 1\nKq 1 1 1", "unknown keywords of 1 material are ignored (`Kq`)"),
     ];
     for (lines, expected) in cases {
         let notes = notes_of("usemtl a", &format!("newmtl a\n{lines}\n"));
@@ -553,7 +553,7 @@ fn a_range_of_colours_that_is_doubtful_is_noted() {
     };
     assert_eq!(
         notes("1.6"),
-        ["channels of vertices' colours count as 0 to 255, not as 0 to 1, since one of them is 1.6"]
+        ["channels of colours count as 0 to 255, not as 0 to 1, since one of them is 1.6"]
     );
     assert_eq!(notes("15").len(), 1);
     assert_eq!([notes("1"), notes("16"), notes("200")].concat(), [""; 0]);
