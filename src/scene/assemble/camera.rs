@@ -9,7 +9,7 @@ use super::super::wire::{CameraWire, Position};
 use super::super::{Camera, Mesh, Shot};
 use super::Seen;
 use crate::error::{Error, Result};
-use glam::{DVec3, Vec3};
+use glam::{BVec3, DVec3, Vec3};
 use toml::Spanned;
 
 impl CameraWire {
@@ -93,6 +93,7 @@ fn base_camera(
     if let Some(camera) = seen.camera.filter(|_| !wire.is_framed() && wire.up.is_none()) {
         notes.extend(seen.camera_notes.iter().cloned());
         notes.extend(seen.camera_aspect.and_then(|aspect| note_aspect(aspect, shot.aspect)));
+        notes.extend(note_beside(&camera, mesh, shot.aspect));
         return camera;
     }
     let degrees = |azimuth: Option<f32>| azimuth.map(f64::from);
@@ -104,6 +105,31 @@ fn base_camera(
         shot,
     };
     framing::camera(mesh, ball, &view)
+}
+
+/// Returns a note if the bounding box of the mesh is to the left or right of the view of a mesh file's camera, or above or
+/// below it, in pictures of the aspect ratio `aspect`. (Other notes say if a mesh is behind the camera.)
+fn note_beside(camera: &Camera, mesh: &Mesh, aspect: f64) -> Option<String> {
+    let (low, high) = mesh.bounds()?;
+    let tan = f64::from(camera.tan_half_fov);
+    let (tan_x, tan_y) = if camera.fov_is_vertical { (tan * aspect, tan) } else { (tan, tan / aspect) };
+    let corners = (0..8).map(|number| {
+        let is_high = BVec3::new(number & 1 != 0, number & 2 != 0, number & 4 != 0);
+        Vec3::select(is_high, high, low).as_dvec3() - camera.position.as_dvec3()
+    });
+    let corners: Vec<[f64; 3]> = corners
+        .map(|corner| [camera.right, camera.up, camera.forward].map(|axis| corner.dot(axis.as_dvec3())))
+        .collect();
+    let sides: [fn([f64; 3], f64, f64) -> bool; 4] = [
+        |[x, _, depth], tan, _| x > tan * depth,
+        |[x, _, depth], tan, _| -x > tan * depth,
+        |[_, y, depth], _, tan| y > tan * depth,
+        |[_, y, depth], _, tan| -y > tan * depth,
+    ];
+    let is_beside = sides.iter().any(|is_out| corners.iter().all(|corner| is_out(*corner, tan_x, tan_y)));
+    is_beside.then(|| {
+        "the file's camera looks past the mesh: --azimuth 31 uses raycl's own camera instead".to_owned()
+    })
 }
 
 /// Returns a note if a mesh file's camera is meant for pictures of another aspect ratio (`stated`) than that of the
@@ -194,6 +220,30 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, directio
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::mesh::Triangle;
+
+    #[test]
+    fn a_camera_that_looks_past_the_mesh_is_noted() {
+        let positions =
+            vec![Vec3::new(-1.0, -1.0, -5.0), Vec3::new(1.0, 1.0, -4.0), Vec3::new(-1.0, 1.0, -5.0)];
+        let triangles = vec![Triangle { positions: [0, 1, 2], normals: [0; 3], material: 0 }];
+        let mesh = Mesh { positions, triangles, ..Mesh::default() };
+        let is_noted = |x: f32, y: f32, aspect: f64, fov_is_vertical: bool| {
+            let camera = Camera { position: Vec3::new(x, y, 0.0), fov_is_vertical, ..Camera::PAPER };
+            note_beside(&camera, &mesh, aspect).is_some()
+        };
+        // With a field of view of 90 degrees, the view is 5 units wide or high on each side at a depth of 5.
+        for side in [-1.0, 1.0] {
+            let noted = |distance: f32, aspect, vertical| {
+                let distance = side * distance;
+                [is_noted(distance, 0.0, aspect, vertical), is_noted(0.0, distance, aspect, vertical)]
+            };
+            assert_eq!([noted(5.9, 1.0, false), noted(6.1, 1.0, true)], [[false; 2], [true; 2]]);
+            assert_eq!(noted(6.1, 2.0, true), [false, true]);
+            assert_eq!(noted(4.0, 2.0, false), [false, true]);
+        }
+        assert_eq!(note_beside(&Camera::PAPER, &Mesh::default(), 1.0), None);
+    }
 
     #[test]
     fn the_aspect_ratio_of_a_files_camera_is_noted_if_the_pictures_have_another() {

@@ -187,8 +187,8 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
         .iter()
         .filter(|(is_limited, _)| *is_limited)
         .for_each(|(_, key)| asked.add(Wish::Range, key.as_bytes()));
-    for (name, _) in others(wire) {
-        if let Some(wish) = extension_wish(name) {
+    for (name, values) in others(wire) {
+        if let Some(wish) = extension_wish(name).filter(|_| !has_no_effect(name, values)) {
             asked.add(wish, name.as_bytes());
         }
     }
@@ -211,6 +211,8 @@ fn alpha_wish(wire: &Wire) -> Option<(Wish, &'static str)> {
         (Checked::Valid(AlphaMode::Blend), Some(_)) if factor(wire) > 0.0 => {
             Some((Wish::Blending, "alphaMode BLEND"))
         }
+        // An opaque surface is not blended. Notes on vertices count the alphas of vertices.
+        (Checked::Valid(AlphaMode::Blend), None) if stated_alpha(wire) >= 1.0 => None,
         (Checked::Valid(AlphaMode::Blend), _) => Some((Wish::Transparency, "alphaMode BLEND")),
         (Checked::Invalid, _) => Some((Wish::UnknownAlpha, "alphaMode")),
         _ => None,
@@ -233,6 +235,29 @@ pub(super) fn extension_wish(name: &str) -> Option<Wish> {
         | "sheen"
         | "specular" => Some(Wish::Shine),
         _ => None,
+    }
+}
+
+fn is_black(colour: &serde_json::Value) -> bool {
+    colour.as_array().is_some_and(|channels| channels.iter().all(|channel| channel.as_f64() == Some(0.0)))
+}
+
+/// Returns true if a material would look the same without this extension, because of the value of the extension's
+/// factor. Without the factor, the default applies.
+fn has_no_effect(extension: &str, values: &serde_json::Value) -> bool {
+    let factor = |key: &str| values.get(key).map_or(Some(0.0), serde_json::Value::as_f64);
+    match extension.strip_prefix("KHR_materials_").unwrap_or_default() {
+        "transmission" => factor("transmissionFactor") == Some(0.0),
+        "volume" => factor("thicknessFactor") == Some(0.0),
+        "diffuse_transmission" => factor("diffuseTransmissionFactor") == Some(0.0),
+        "dispersion" => factor("dispersion") == Some(0.0),
+        "clearcoat" => factor("clearcoatFactor") == Some(0.0),
+        "iridescence" => factor("iridescenceFactor") == Some(0.0),
+        "anisotropy" => factor("anisotropyStrength") == Some(0.0),
+        "sheen" => values.get("sheenColorFactor").is_none_or(is_black),
+        // The index of refraction that all materials have without this extension.
+        "ior" => values.get("ior").is_none_or(|index| index.as_f64() == Some(1.5)),
+        _ => false,
     }
 }
 
@@ -286,6 +311,41 @@ mod tests {
         let expected = "1 material asks for an unknown kind of transparency (alphaMode), which raycl does not support: \
                         the surface is opaque; expected OPAQUE, MASK or BLEND";
         assert_eq!(of(&object("alphaMode", "\"mask\"")).1, [expected]);
+    }
+
+    #[test]
+    fn an_extension_without_effect_is_not_noted() {
+        let asks = |name: &str, values: &str| {
+            let root: Root = serde_json::from_str(r#"{"asset": {"version": "2.0"}}"#).unwrap();
+            let json = format!("{{\"extensions\": {{\"KHR_materials_{name}\": {values}}}}}");
+            let asked = asked(&root, &serde_json::from_str(&json).unwrap());
+            asked.notes("material", true).any(|note| note.contains(&format!("KHR_materials_{name}")))
+        };
+        let factors = [
+            ("transmission", "transmissionFactor"),
+            ("volume", "thicknessFactor"),
+            ("diffuse_transmission", "diffuseTransmissionFactor"),
+            ("dispersion", "dispersion"),
+            ("clearcoat", "clearcoatFactor"),
+            ("iridescence", "iridescenceFactor"),
+            ("anisotropy", "anisotropyStrength"),
+        ];
+        for (name, key) in factors {
+            let with = |value: &str| asks(name, &format!("{{\"{key}\": {value}}}"));
+            assert_eq!(
+                [with("0"), with("0.0"), asks(name, "{}"), with("0.5")],
+                [false, false, false, true],
+                "{name}"
+            );
+        }
+        let sheen = |colour: &str| asks("sheen", &format!("{{\"sheenColorFactor\": {colour}}}"));
+        assert_eq!(
+            [sheen("[0, 0, 0]"), sheen("[0.0, 0.0, 0.0]"), sheen("[0, 0.1, 0]")],
+            [false, false, true]
+        );
+        let ior = |index: &str| asks("ior", &format!("{{\"ior\": {index}}}"));
+        assert_eq!([ior("1.5"), ior("1.33")], [false, true]);
+        assert!(asks("specular", "{}") && !asks("ior", "{}") && !asks("sheen", "{}"));
     }
 
     #[test]

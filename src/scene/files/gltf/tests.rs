@@ -213,7 +213,7 @@ fn materials_cameras_and_lights() {
         .replace(
             r#""scenes""#,
             r#""materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 0, 1], "baseColorTexture": {"index": 0}},
-"alphaMode": "BLEND", "extensions": {"KHR_materials_clearcoat": {}}}],
+"alphaMode": "BLEND", "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}}],
 "cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}],
 "extensionsUsed": ["KHR_lights_punctual"],
 "extensions": {"KHR_lights_punctual": {"lights": [{"type": "spot", "intensity": 3, "spot": {}}]}},
