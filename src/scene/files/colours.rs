@@ -13,6 +13,14 @@ use std::collections::HashMap;
 /// triangles of almost equal colour share a material. Colours of corners have finer steps ([`packed`]).
 const STEPS: f32 = 255.0;
 
+/// If a used colour has a channel larger than this, all channels in the file count as numbers from 0 to 255. If a used
+/// alpha is larger than this, all alphas count as numbers from 0 to 255. The limit is above 1, because rounded channels
+/// may be slightly larger than 1.
+const MOST_OF_UNIT: f32 = 1.5;
+/// If the largest channel is smaller than this, it is doubtful that channels are numbers from 0 to 255, since all
+/// colours would be almost black.
+const LEAST_OF_BYTES: f32 = 16.0;
+
 /// Converts a displayed channel (sRGB, IEC 61966-2-1) to linear light.
 pub(in crate::scene) fn linear(displayed: f32) -> f32 {
     if displayed <= 0.04045 { displayed / 12.92 } else { ((displayed + 0.055) / 1.055).powf(2.4) }
@@ -80,6 +88,21 @@ fn painted(mesh: &Mesh, colour: impl Fn(usize, &Triangle) -> Vec3) -> (Vec<Mater
 pub(in crate::scene) fn is_outside(colour: &Vec3) -> bool {
     let most = 0.5 / STEPS;
     !colour.to_array().iter().all(|channel| (-most..=1.0 + most).contains(channel))
+}
+
+/// Returns the value of a channel at full intensity if channels are not whole numbers of a known range. `brightest` is
+/// the largest channel of all colours. Some programs write colours from 0 to 255, others from 0 to 1. All colours of a
+/// file have the same range.
+pub(in crate::scene) fn full_channel(brightest: f32) -> f32 {
+    if brightest > MOST_OF_UNIT { 255.0 } else { 1.0 }
+}
+
+/// Returns a note if channels count as numbers from 0 to 255 ([`full_channel`]), although this is doubtful.
+pub(in crate::scene) fn note_bytes(brightest: f32) -> Option<String> {
+    let is_doubtful = full_channel(brightest) > 1.0 && brightest < LEAST_OF_BYTES;
+    is_doubtful.then(|| {
+        format!("channels of colours count as 0 to 255, not as 0 to 1, since one of them is {brightest}")
+    })
 }
 
 /// Returns a note on the `count` elements, such as vertices, whose colours have channels outside 0 to 1;

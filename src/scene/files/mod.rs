@@ -24,9 +24,11 @@ use glam::{DVec3, Vec3};
 use origin::Limit;
 use std::path::Path;
 
-pub(in crate::scene) use colours::{is_outside, linear, note_clear, note_outside, paint};
+pub(in crate::scene) use colours::{
+    full_channel, is_outside, linear, note_bytes, note_clear, note_outside, paint,
+};
 pub(in crate::scene) use lights::{FileLight, note as note_lights, of_file as lights_of_file};
-pub(in crate::scene) use origin::{LARGEST, Placement, is_valid, note_inexact, placement_of};
+pub(in crate::scene) use origin::{LARGEST, Placement, is_valid, note_inexact, note_rounded, placement_of};
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_for};
 
 /// Memory needed to read a mesh, as a multiple of the file's size. The memory contains the file's bytes and,
@@ -162,11 +164,18 @@ pub(in crate::scene) fn read(
         MeshFormat::Gltf | MeshFormat::Glb => gltf::parse(&name, reach, &bytes),
     }?;
     if file.mesh.triangles.is_empty() {
-        return Err(Error::input(format!(
-            "{name}: no triangles; the file is {} without a face",
-            format.name()
-        ))
-        .with_help("a mesh needs triangles: point clouds and lines are not drawn; MeshLab, for example, makes triangles of points"));
+        // An STL contains nothing but triangles.
+        let help = match format {
+            MeshFormat::Stl => {
+                "the model is empty: change it in the program that wrote the file, and export it again"
+            }
+            _ => {
+                "a mesh needs triangles: point clouds and lines are not drawn; MeshLab, for example, makes triangles of \
+                  points"
+            }
+        };
+        let message = format!("{name}: no triangles; the file is {} without a face", format.name());
+        return Err(Error::input(message).with_help(help));
     }
     file.joined = joined::join_positions(&mut file.mesh);
     file.notes.extend(note_normals(&file.mesh));

@@ -4,7 +4,7 @@ use super::faces::Start;
 use super::odd::Odd;
 use super::points::PointChunk;
 use super::text::Source;
-use crate::scene::files::{is_outside, linear, note_clear, note_outside};
+use crate::scene::files::{full_channel, is_outside, linear, note_bytes, note_clear, note_outside};
 use crate::scene::{Mesh, Triangle};
 use crate::words::{counted, counted_are};
 use glam::Vec3;
@@ -12,13 +12,6 @@ use glam::Vec3;
 /// The colour of a vertex for which the file has no colour. Channels of colours are later limited to 1, so a
 /// vertex without a colour becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
-/// If a triangle uses a vertex whose colour has a channel larger than this, all channels in the file count as
-/// numbers from 0 to 255. If a triangle uses a vertex whose alpha is larger than this, all alphas count as numbers from
-/// 0 to 255. The limit is above 1, because rounded channels may be slightly larger than 1.
-const MOST_OF_UNIT: f32 = 1.5;
-/// If the largest channel is smaller than this, it is doubtful that channels are numbers from 0 to 255, since all
-/// colours would be almost black.
-const LEAST_OF_BYTES: f32 = 16.0;
 /// The smallest linear channel of a colour that counts as white.
 const LEAST_WHITE: f32 = 0.99;
 
@@ -89,12 +82,6 @@ pub(super) fn are_any(chunks: &[PointChunk]) -> bool {
     chunks.iter().any(|chunk| chunk.coloured > 0)
 }
 
-/// Returns the value of a channel at full intensity. Some programs write colours from 0 to 255, others from 0 to 1. All
-/// colours of a file have the same range.
-fn full_channel(brightest: f32) -> f32 {
-    if brightest > MOST_OF_UNIT { 255.0 } else { 1.0 }
-}
-
 impl VertexColours {
     /// Collects the colours of the vertices that triangles use (`None` if no such vertex has a colour), and the parts
     /// of these colours that raycl does not use. `starts` has the number of vertices before each piece.
@@ -135,13 +122,7 @@ impl VertexColours {
         let full = full_channel(self.brightest);
         let is_limited = |colour: &&Vec3| **colour != UNCOLOURED && is_outside(&(**colour / full));
         notes.extend(note_outside(self.list.iter().filter(is_limited).count(), "vertex"));
-        let range = || {
-            format!(
-                "channels of vertices' colours count as 0 to 255, not as 0 to 1, since one of them is {}",
-                self.brightest
-            )
-        };
-        notes.extend((full > 1.0 && self.brightest < LEAST_OF_BYTES).then(range));
+        notes.extend(note_bytes(self.brightest));
         let white = || format!("{} shown in white", counted_are(self.without, "vertex without a colour"));
         notes.extend((self.without > 0).then(white));
     }

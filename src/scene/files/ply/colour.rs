@@ -109,13 +109,14 @@ fn full_channel(property: &Property) -> f64 {
     }
 }
 
-/// Checks the range of the colour channels that are whole numbers. `element` is the definition of the colours'
+/// Checks the range of the colour channels. `element` is the definition of the colours'
 /// elements, and `colours` returns the colours.
 ///
 /// Some programs write channels from 0 to 255 in the type `ushort`. If none of these channels is larger than 255, they
 /// would be almost black, so they count as numbers from 0 to 255, with a note. Colours are also almost black if
 /// channels of 10 bits or fewer are in the type `ushort`, or if no channel of other whole numbers is larger than
-/// 1. This causes only a note, and only if red, green and blue have the same range.
+/// 1. This causes only a note, and only if red, green and blue have the same range. Channels that are not whole numbers
+/// count as numbers from 0 to 255 if one of them is clearly above 1 ([`check_floats`]).
 pub(super) fn check_range<'a>(
     element: &ElementDef,
     colours: impl FnOnce() -> Vec<&'a mut Colour>,
@@ -125,10 +126,28 @@ pub(super) fn check_range<'a>(
     if is_wide.contains(&true) {
         return check_wide(is_wide, colours());
     }
+    let is_float = kinds.map(|kind| matches!(kind, Some(ScalarType::Float | ScalarType::Double)));
+    if is_float[..3] == [true; 3] {
+        return check_floats(is_float[3], colours());
+    }
     let [red, green, blue, _] = kinds.map(|kind| kind.and_then(full_of_whole));
     let full = red.filter(|_| red == green && red == blue)?;
     let largest = colours().iter().map(|colour| colour.channels.max_element()).fold(0.0, f32::max);
     (largest > 0.0 && largest <= (1.0 / full) as f32).then(|| doubtful(full, 1.0))
+}
+
+/// Divides channels that are not whole numbers by 255 if one of them is so large that all count as numbers from 0 to
+/// 255, as in an OBJ ([`colours::full_channel`]). `has_alpha` is true if alpha has such a type, too.
+fn check_floats(has_alpha: bool, mut all: Vec<&mut Colour>) -> Option<String> {
+    let largest = |channel: fn(&Colour) -> f32| all.iter().map(|colour| channel(colour)).fold(0.0, f32::max);
+    let brightest = largest(|colour| colour.channels.max_element());
+    let alpha = if has_alpha { largest(|colour| colour.alpha) } else { 0.0 };
+    let [full, opaque] = [brightest, alpha].map(colours::full_channel);
+    for colour in &mut all {
+        colour.channels /= full;
+        colour.alpha /= opaque;
+    }
+    colours::note_bytes(brightest)
 }
 
 /// Checks the range of colours of which some channels have the type `ushort`: those for which `is_wide` is true.

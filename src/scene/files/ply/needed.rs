@@ -49,7 +49,9 @@ fn without(element: &ElementDef, what: &str) -> Flaw {
     let mut names: Vec<String> = element.properties.values().take(MOST_LISTED).map(described).collect();
     names.extend((element.properties.len() > MOST_LISTED).then(|| "...".to_owned()));
     let what = format!("`{}` has {what}", element.name);
-    Flaw::quoting(format!("{what}; it has {}", names.join(", ")), what)
+    Flaw::quoting(format!("{what}; it has {}", names.join(", ")), what).with_remedy(
+        "rename the properties as expected (vertices have x, y and z), or convert the file to OBJ",
+    )
 }
 
 /// Returns the words for a property in messages: its name, and its type if it is a list.

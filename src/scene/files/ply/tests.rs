@@ -68,6 +68,29 @@ fn triangles_get_the_colours_of_their_faces_unless_vertices_have_colours() {
 }
 
 #[test]
+fn channels_that_are_not_whole_numbers_may_be_from_0_to_255() {
+    let of = |red: &str, type_of_blue: &str| {
+        let text = PAINTED
+            .replace("uchar red", "float red")
+            .replace("uchar green", "double green")
+            .replace("uchar blue", &format!("{type_of_blue} blue"))
+            .replace("255 0 0\n", &format!("{red} 0 0\n"));
+        let file = parse("a.ply", text.as_bytes()).unwrap();
+        (triangle_colours(&file), file.notes)
+    };
+    let bytes = parse("a.ply", PAINTED.as_bytes()).unwrap();
+    assert_eq!(of("255", "float"), (triangle_colours(&bytes), Vec::new()));
+    let note = "2 faces with a colour outside 0 to 1 are shown with channels limited to this range";
+    assert_eq!(of("255", "uchar").1, [note], "blue has a known range");
+    let dark = ["red", "green", "blue"].iter().fold(PAINTED.to_owned(), |text, channel| {
+        text.replace(&format!("uchar {channel}"), &format!("float {channel}"))
+    });
+    let dark = dark.replace("255 0 0\n", "7 0 0\n").replace("0 188 0\n", "0 1 0\n");
+    let notes = parse("a.ply", dark.as_bytes()).unwrap().notes;
+    assert_eq!(notes, ["channels of colours count as 0 to 255, not as 0 to 1, since one of them is 7"]);
+}
+
+#[test]
 fn names_of_colour_channels_may_have_capitals() {
     for (text, colours) in [(SQUARE, vec![Vec3::X; 2]), (PAINTED, Vec::new())] {
         let plain = parse("a.ply", text.as_bytes()).unwrap();
