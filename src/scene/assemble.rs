@@ -266,6 +266,7 @@ fn join(document: &Document, wire: &SceneWire, cache: &mut FrameCache) -> Result
     let mut notes: Vec<String> = files.iter().flat_map(|file| file.notes.iter().cloned()).collect();
     let idle = objects::unused_creases(document, wire, &files);
     for (object, file) in wire.object.iter().zip(files) {
+        notes.extend(objects::note_inexact(document, object, &file, origin));
         let file = objects::placed(object.get_ref(), file, origin);
         let first = mesh.triangles.len();
         if first + file.mesh.triangles.len() > super::shapes::MAX_TRIANGLES as usize {

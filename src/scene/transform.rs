@@ -34,7 +34,8 @@ impl Transform {
             return;
         }
         let (rotation, scale) = (self.rotation(), self.scale.as_dvec3());
-        let transform = |p: &mut Vec3| *p = (self.position(rotation, p.as_dvec3() + from) - to).as_vec3();
+        let placed = self.placing(from, to);
+        let transform = |p: &mut Vec3| *p = placed(*p).as_vec3();
         mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(transform);
         // Normals are transformed by the inverse transpose of the matrix. The inverse scale is multiplied by
         // the smallest scale, so that its components are within -1 and 1. The smallest scale, as a factor,
@@ -55,6 +56,12 @@ impl Transform {
             mesh.textures.mirror();
             mesh.corner_colours.iter_mut().for_each(|corners| corners.swap(1, 2));
         }
+    }
+
+    /// Returns a function that transforms a position of a mesh as [`Self::apply`] does, in double precision.
+    pub fn placing(&self, from: DVec3, to: DVec3) -> impl Fn(Vec3) -> DVec3 {
+        let rotation = self.rotation();
+        move |position| self.position(rotation, position.as_dvec3() + from) - to
     }
 
     fn rotation(&self) -> DMat3 {

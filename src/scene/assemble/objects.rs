@@ -158,6 +158,24 @@ pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files
     movable.map_or(DVec3::ZERO, |(low, high)| Placement::of(low, high).origin)
 }
 
+/// Returns a note if the object's place in the scene, whose origin is at `origin` in the scene file's coordinates, makes
+/// the shapes of many triangles inexact.
+pub(super) fn note_inexact(
+    document: &Document,
+    wire: &Spanned<ObjectWire>,
+    file: &MeshFile,
+    origin: DVec3,
+) -> Option<String> {
+    let (transform, from) = (transform(wire.get_ref()), file.placement.origin);
+    if transform == Transform::IDENTITY && from == origin {
+        return None;
+    }
+    let placed = transform.placing(from, origin);
+    let note =
+        files::note_rounded(&file.mesh.triangles, |index| placed(file.mesh.positions[index as usize]))?;
+    Some(format!("{}: {note}", document.location_of(&wire.span())))
+}
+
 /// Transforms the object's triangles to the coordinates of the scene, whose origin is at `origin` in the scene
 /// file's coordinates. Moves the camera and the lights of the object's file to these coordinates. Converts the
 /// emitted light of the object's file to the scene's unit of radiance. Applies the object's `material` to the

@@ -640,6 +640,24 @@ fn an_eye_that_the_file_does_not_set_is_at_the_files_origin_also_if_the_scene_ha
 }
 
 #[test]
+fn a_note_names_an_object_that_is_too_far_from_the_others_for_single_precision() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let notes = |x: &str, scale: u32| {
+        let sphere = "[[object]]\nshape = \"sphere\"\ntriangles = 80\n";
+        let scene = format!("{sphere}{sphere}scale = {scale}\ntranslation = [{x}, 0, 0]\n");
+        std::fs::write(&path, scene).unwrap();
+        let mut notes = load_scene_with(&path, &[]).unwrap().notes;
+        notes.retain(|note| note.contains("inexact"));
+        notes
+    };
+    let [note] = &notes("2e8", 10)[..] else { panic!("{:?}", notes("2e8", 10)) };
+    let expected = "a.toml:4: 80 of 80 triangles are shown with inexact shapes: so far from the origin, they are too small";
+    assert!(note.contains(expected), "{note}");
+    assert_eq!([notes("2e8", 10_000_000), notes("200", 10)], [[""; 0]; 2]);
+}
+
+#[test]
 fn a_scene_keeps_its_coordinates_if_its_centre_is_up_to_16_radii_away() {
     let folder = tempfile::tempdir().unwrap();
     let [path, scene] = ["a.obj", "a.toml"].map(|name| folder.path().join(name));

@@ -245,7 +245,7 @@ pub(super) fn settle_if(
     Ok((positions.iter().map(settled).collect(), placement))
 }
 
-/// Returns the number of inexact `triangles` if more than half of all are inexact; otherwise `None`. A triangle is
+/// Returns the number of inexact `triangles` if more than a tenth of all are inexact; otherwise `None`. A triangle is
 /// inexact if the rounding of its corners to single precision changes one of its sides by more than the part
 /// [`INEXACT`] of its longest side. `settled` has the positions after they were moved, multiplied by `scale` and
 /// rounded, and `exact` returns the positions in the file; it is called only if a sample of the triangles shows that
@@ -256,16 +256,32 @@ pub(in crate::scene) fn inexact<'a>(
     scale: f64,
     exact: impl FnOnce() -> Cow<'a, [DVec3]>,
 ) -> Option<usize> {
+    let settled = |index: u32| settled[index as usize];
     if !may_be_inexact(triangles, settled) {
         return None;
     }
     let exact = exact();
+    count_inexact(triangles, |index| exact[index as usize] * scale, settled)
+}
+
+/// Returns the number of `triangles` that rounding makes inexact, as [`inexact`] does. `exact` returns the position with
+/// an index before it is rounded.
+fn inexact_when_rounded(triangles: &[Triangle], exact: impl Fn(u32) -> DVec3) -> Option<usize> {
+    let rounded = |index| exact(index).as_vec3();
+    if may_be_inexact(triangles, rounded) { count_inexact(triangles, &exact, rounded) } else { None }
+}
+
+fn count_inexact(
+    triangles: &[Triangle],
+    exact: impl Fn(u32) -> DVec3,
+    rounded: impl Fn(u32) -> Vec3,
+) -> Option<usize> {
     let is_inexact = |triangle: &&Triangle| {
-        let [a, b, c] = triangle.positions.map(|corner| corner as usize);
-        let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| {
-            let side = (exact[to] - exact[from]) * scale;
-            let rounded = settled[to].as_dvec3() - settled[from].as_dvec3();
-            (side.length_squared(), (rounded - side).length_squared())
+        let exact = triangle.positions.map(&exact);
+        let rounded = triangle.positions.map(|index| rounded(index).as_dvec3());
+        let sides = [(0, 1), (1, 2), (2, 0)].map(|(from, to)| {
+            let side = exact[to] - exact[from];
+            (side.length_squared(), (rounded[to] - rounded[from] - side).length_squared())
         });
         let [longest, change] = sides
             .into_iter()
@@ -273,17 +289,16 @@ pub(in crate::scene) fn inexact<'a>(
         change > INEXACT * INEXACT * longest
     };
     let count = triangles.iter().filter(is_inexact).count();
-    (2 * count > triangles.len()).then_some(count)
+    (10 * count > triangles.len()).then_some(count)
 }
 
-/// Returns true if at least a quarter of the triangles in a sample are so small that they could be inexact.
-fn may_be_inexact(triangles: &[Triangle], settled: &[Vec3]) -> bool {
-    let is_small =
-        |triangle: &&Triangle| is_small(triangle.positions.map(|i| settled[i as usize]), FEW_STEPS);
-    4 * sample(triangles).filter(is_small).count() >= sample(triangles).count().max(1)
+/// Returns true if at least a twentieth of the triangles in a sample are so small that they could be inexact.
+fn may_be_inexact(triangles: &[Triangle], settled: impl Fn(u32) -> Vec3) -> bool {
+    let is_small = |triangle: &&Triangle| is_small(triangle.positions.map(&settled), FEW_STEPS);
+    20 * sample(triangles).filter(is_small).count() >= sample(triangles).count().max(1)
 }
 
-fn sample(triangles: &[Triangle]) -> impl Iterator<Item = &Triangle> {
+fn sample<T>(triangles: &[T]) -> impl Iterator<Item = &T> {
     triangles.iter().step_by(triangles.len().div_ceil(SAMPLE).max(1))
 }
 
@@ -295,39 +310,53 @@ fn is_small([a, b, c]: [Vec3; 3], steps: f32) -> bool {
     sides.into_iter().fold(0.0, f32::max) <= steps * f32::EPSILON * farthest
 }
 
-/// Returns a note on a file that stores positions in single precision, if the sides of most triangles are only a few
-/// steps of single precision long. The program that wrote the file then probably rounded their corners. It
+/// Returns true if the sides of most triangles are only a few steps of single precision long, in a file that stores
+/// positions in single precision. The program that wrote the file then probably rounded their corners. It
 /// probably did not if the last bits of nearly all largest coordinates are equal, as in a grid of whole numbers, or of
 /// whole numbers and a half.
-pub(super) fn note_coarse(triangles: &[Triangle], exact: &[DVec3]) -> Option<String> {
-    let corners = |triangle: &Triangle| triangle.positions.map(|index| exact[index as usize].as_vec3());
+pub(super) fn are_coarse<T>(triangles: &[T], corners: impl Fn(&T) -> [Vec3; 3]) -> bool {
     let last_bit = |corner: Vec3| corner.abs().max_element().to_bits() & 1;
-    let visible = || sample(triangles).map(corners).filter(are_apart);
+    let visible = || sample(triangles).map(&corners).filter(are_apart);
     let have_most = |bit: u32| {
         let is_coarse = |corners: &[Vec3; 3]| {
             is_small(*corners, COARSE_STEPS) && corners.iter().any(|corner| last_bit(*corner) == bit)
         };
         2 * visible().filter(is_coarse).count() > visible().count()
     };
-    (have_most(0) && have_most(1)).then(|| {
+    have_most(0) && have_most(1)
+}
+
+/// Returns a note on a file that stores positions in single precision, if these are coarse (see [`are_coarse`]).
+pub(super) fn note_coarse(triangles: &[Triangle], exact: &[DVec3]) -> Option<String> {
+    let corners = |triangle: &Triangle| triangle.positions.map(|index| exact[index as usize].as_vec3());
+    are_coarse(triangles, corners).then(|| {
         "the file stores positions in single precision, which is coarse so far from the origin: the shapes of most \
          triangles may be inexact"
             .to_owned()
     })
 }
 
-/// Returns a note on a mesh of which most triangles are inexact (see [`inexact`]).
+/// Returns a note on a mesh of which many triangles are inexact (see [`inexact`]).
 pub(in crate::scene) fn note_inexact<'a>(
     triangles: &[Triangle],
     settled: &[Vec3],
     scale: f64,
     exact: impl FnOnce() -> Cow<'a, [DVec3]>,
 ) -> Option<String> {
-    let count = inexact(triangles, settled, scale, exact)?;
+    inexact(triangles, settled, scale, exact).map(|count| inexact_shapes(count, triangles))
+}
+
+/// Returns a note on a mesh of which many triangles become inexact if the positions that `exact` returns are rounded
+/// (see [`inexact`]).
+pub(in crate::scene) fn note_rounded(triangles: &[Triangle], exact: impl Fn(u32) -> DVec3) -> Option<String> {
+    inexact_when_rounded(triangles, exact).map(|count| inexact_shapes(count, triangles))
+}
+
+fn inexact_shapes(count: usize, triangles: &[Triangle]) -> String {
     let are = counted_of_are(count, triangles.len(), "triangle");
-    Some(format!(
+    format!(
         "{are} shown with inexact shapes: so far from the origin, they are too small for single precision"
-    ))
+    )
 }
 
 /// Returns the placement (how positions are moved and scaled) for a mesh, or for the outline of a polygon,
@@ -459,7 +488,7 @@ mod tests {
     #[test]
     fn only_a_sample_of_the_triangles_of_a_usual_mesh_is_compared_with_the_file() {
         let triangles = |count: u32, far: u32| -> Vec<Triangle> {
-            let corners = |number| if number % 4 < far { [3, 4, 5] } else { [0, 1, 2] };
+            let corners = |number| if number % 20 < far { [3, 4, 5] } else { [0, 1, 2] };
             (0..count)
                 .map(|number| Triangle { positions: corners(number), normals: [0; 3], material: 0 })
                 .collect()
@@ -476,12 +505,12 @@ mod tests {
             (inexact(&triangles(count, far), &settled, 1.0, exact), is_read)
         };
         assert_eq!(count(0, 0), (None, false));
-        assert_eq!(count(4, 0), (None, false));
-        for triangles in [4, 4098] {
-            assert_eq!(count(triangles, 3).0.map(|count| count > triangles as usize / 2), Some(true));
+        assert_eq!(count(20, 0), (None, false));
+        for triangles in [20, 4098] {
+            assert_eq!(count(triangles, 3).0.map(|count| count > triangles as usize / 10), Some(true));
         }
-        assert_eq!(count(4, 2), (None, true), "half are not most");
-        assert_eq!(count(4, 3), (Some(3), true));
+        assert_eq!(count(20, 2), (None, true), "a tenth is not more than a tenth");
+        assert_eq!(count(20, 3), (Some(3), true));
         // Single precision stores these positions exactly.
         let whole = exact.map(|position| position.round());
         let read = inexact(&triangles(4, 4), &whole.map(|position| position.as_vec3()), 1.0, || {

@@ -78,6 +78,9 @@ pub(super) struct LeftOut {
     /// The number of triangles whose texture coordinates are so far from 0 that single precision stores them
     /// inexactly.
     pub coarse: usize,
+    /// The number of primitives whose positions are so far from 0 that single precision stores most triangles with
+    /// inexact shapes.
+    pub coarse_shapes: usize,
     /// The number of nodes with a mesh whose shape changes when its positions are rounded to single precision.
     pub distorted: usize,
     /// The number of the file's meshes, if the file's scene contains none of them.
@@ -195,12 +198,18 @@ impl LeftOut {
     }
 
     /// Returns the counts of primitives (parts of meshes), and of their triangles and accessors.
-    fn primitives(&self) -> [Counted; 14] {
+    fn primitives(&self) -> [Counted; 15] {
         [
             (
                 self.distorted,
                 "node with a mesh, far from the origin,",
                 "shown with an inexact shape: positions are stored in single precision",
+            ),
+            (
+                self.coarse_shapes,
+                "primitive with coarse positions",
+                "shown with triangles that may have inexact shapes: the file stores positions in single precision, \
+                 which is coarse so far from 0",
             ),
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),

@@ -172,6 +172,7 @@ impl<'a> Walk<'a> {
                     if let Some(position) = part.positions.iter().find(|position| !position.is_finite()) {
                         return Err(invalid(position));
                     }
+                    self.left_out.coarse_shapes += usize::from(is_new && part.is_coarse());
                     let part = part.placed(joints);
                     self.left_out.unskinned += usize::from(skin.is_some() && !part.is_placed);
                     let transform = if part.is_placed { DMat4::IDENTITY } else { transform };

@@ -5,6 +5,7 @@ use super::accessors::Numbers;
 use super::materials::white;
 use super::skins::{Influences, OddVertices, Skin};
 use crate::scene::files::colours::is_outside;
+use crate::scene::files::origin::are_coarse;
 use glam::{DVec3, Vec3};
 use gltf::json::accessor::Accessor;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
@@ -186,6 +187,11 @@ impl Part {
     /// Returns true if the primitive has no corners, so that it has no triangles either.
     pub fn has_no_corners(&self) -> bool {
         self.triangles.is_empty() && self.dangling == 0 && self.spare == 0
+    }
+
+    /// Returns true if the file's positions are too coarse for the shapes of most triangles.
+    pub fn is_coarse(&self) -> bool {
+        are_coarse(&self.triangles, |corners| corners.map(|corner| self.positions[corner as usize].as_vec3()))
     }
 
     /// Returns upper limits of the sizes of a primitive, without reading its buffers.

@@ -200,6 +200,27 @@ fn a_mesh_that_single_precision_distorts_is_noted() {
     }
 }
 
+/// Two nodes place the same primitive, whose first corners are at `x` and `x + side`.
+#[test]
+fn positions_that_are_coarse_in_the_file_are_noted_once() {
+    let notes = |x: f32, side: f32| {
+        let positions = [[x, 0.0, 0.0], [x + side, 0.0, 0.0], [x, side, 0.0]];
+        let positions = positions.as_flattened().iter().flat_map(|value| value.to_le_bytes());
+        let data: Vec<u8> = positions.chain(bytes()[36..].iter().copied()).collect();
+        let text = triangle()
+            .replace(&STANDARD.encode(bytes()), &STANDARD.encode(data))
+            .replace(r#""nodes": [0]"#, r#""nodes": [0, 1]"#)
+            .replace("[0, 0, 5]}", r#"[0, 0, 5]}, {"mesh": 0}"#);
+        read(&text).unwrap().notes
+    };
+    let note = "1 primitive with coarse positions is shown with triangles that may have inexact shapes: the file \
+                stores positions in single precision, which is coarse so far from 0";
+    assert!(notes(5_400_000.0, 2.5).contains(&note.to_owned()), "{:?}", notes(5_400_000.0, 2.5));
+    for (x, side) in [(5_400_000.0, 25.0), (400.0, 2.5), (5_400_000.0, 3.0)] {
+        assert!(notes(x, side).iter().all(|note| !note.contains("coarse")), "{x} {side}");
+    }
+}
+
 /// A node moves the triangle by 1e13, or scales it so much that single precision could not store it.
 #[test]
 fn a_bare_file_may_lie_beyond_the_limit_of_coordinates() {
