@@ -2,7 +2,7 @@
 
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
-// The column and row of the first pixel of one of the tile's ray vectors (of 16 rays). `vector` is the ray vector's
+// The column and row of the first pixel of one of the tile's vectors of rays (16 rays each). `vector` is the vector's
 // number, or an int16 of numbers.
 #define FIRST_COLUMN(vector) \
     (((int)get_global_id(0) * TILE_X + (vector) % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS)
@@ -20,8 +20,8 @@ static varying_int sample_of_lane(int bits) {
 }
 #endif
 
-// Returns the pixel of each lane of a ray vector, whose 16 rays form a block of 4 x 4. If the frame casts several rays
-// per pixel, several lanes have the same pixel: the block then covers 2 x 2 pixels or one pixel.
+// Returns the pixel of each lane of a vector of rays, whose 16 rays form a block of 4 x 4. If the frame casts several
+// rays per pixel, several lanes have the same pixel: the block then covers 2 x 2 pixels or one pixel.
 static Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
     // All rays form a grid. A ray's column and row in this grid, divided by the number of sub-pixels across or down,
@@ -92,7 +92,7 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
             longest = max(longest, max(fabs(slices->low[axis][part]), fabs(slices->high[axis][part])));
 #if VECTORS < 16
         for (int axis = 0; axis < 3; axis++) {
-            // Lanes after the tile's last ray vector get an empty interval, which overlaps no box.
+            // Lanes after the tile's last vector of rays get an empty interval, which overlaps no box.
             slices->low[axis][part] = SELECT(vector < VECTORS, slices->low[axis][part], (float16)(FAR));
             slices->high[axis][part] = SELECT(vector < VECTORS, slices->high[axis][part], (float16)(-FAR));
         }
@@ -104,7 +104,8 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
 }
 
 #if SAMPLED
-// Returns the ray vectors whose pixels get another sample, one bit each. A vector's pixels get equally many samples.
+// Returns the vectors of rays whose pixels get another sample, one bit each. All pixels of a vector get equally many
+// samples.
 static uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, int2 image_size) {
     uint cast = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
@@ -115,7 +116,8 @@ static uint vectors_to_cast(const FrameSamples *samples, const __global uint *wa
     return cast;
 }
 
-// Gives the ray vectors that are not in `cast` an empty interval, which meets no box, and a reach (largest t) below 0.
+// Gives the vectors of rays that are not in `cast` an empty interval, which meets no box, and a reach (largest t)
+// below 0.
 static void leave_out_others(Slices *slices, uint cast) {
     for (int part = 0; part < PARTS; part++) {
         const int16 is_cast = LANES_OF(cast, part);
@@ -128,7 +130,7 @@ static void leave_out_others(Slices *slices, uint cast) {
 }
 #endif
 
-// Computes the rays of the tile's ray vectors. Returns the ray vectors with a ray inside the image, one bit each.
+// Computes the rays of all of the tile's vectors. Returns the vectors with a ray inside the image, one bit each.
 uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
     // The ray of a lane passes through the point (right, below), in pixels from the corner of the vector's first pixel.
     // A direction is corner + x step_x + y step_y. Each direction is the sum of `first` and `within`. `first`, the

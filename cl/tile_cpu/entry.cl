@@ -1,9 +1,9 @@
 // A tile of rays with a common origin (the eye, or a light) traverses the tree together. One work-item owns the tile:
-// VECTORS vectors of WIDTH rays in private memory. A word such as `live` has one bit for each ray vector.
+// VECTORS vectors of WIDTH rays in private memory. A word such as `live` has one bit for each vector of rays.
 //
 // All children of a node are tested together against the interval (the least and greatest values) of the tile's
-// directions. Each child that this test does not exclude is tested against the intervals of each ray vector's
-// directions (slices.cl). Single rays are tested against boxes only if the interval of their vector is too wide to
+// directions. Each child that this test does not exclude is tested against the interval of directions of each vector
+// of rays (slices.cl). Single rays are tested against boxes only if the interval of their vector is too wide to
 // exclude boxes (scattered.cl). A leaf's triangles are tested against the rays of the remaining vectors (intersect/).
 
 #if SAMPLED // a pixel may have several rays, each through a different point of the pixel
@@ -13,7 +13,7 @@
 // are lit above the plane of their triangle, so the bounds in shade_once.cl would be wrong.
 #define SHADES_ONCE (SAMPLED && !SOFT && !TEXTURES && !CORNER_COLOURS && !EMISSIVE && !SMOOTH_SHADOWS)
 #include "common/tile.cl"
-#if WATERTIGHT // tile_cpu/intersect/watertight.cl uses this test for ray vectors whose rays have no common axis
+#if WATERTIGHT // tile_cpu/intersect/watertight.cl uses this test for vectors of rays whose rays have no common axis
 #include "cast/intersect/watertight.cl"
 #endif
 #include "common/tree.cl"
@@ -40,11 +40,11 @@
 #if WIDTH != 16 || VECTORS > 32
 #error "tiles consist of at most 32 vectors of 16 rays"
 #endif
-// A lane of a float16 belongs to one ray of a vector or, in some variables such as the fields of Slices, to a whole ray
-// vector of the tile. PARTS is the number of float16 that hold one value for each ray vector.
+// A lane of a float16 belongs to one ray of a vector or, in some variables such as the fields of Slices, to a whole
+// vector of rays. PARTS is the number of float16 that hold one value for each vector of rays.
 #define PARTS ((VECTORS + 15) / 16)
 #define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
-// Converts 16 bits of a word with one bit per ray vector to a mask with 16 lanes: bits 0 to 15 if `part` is 0.
+// Converts 16 bits of a word with one bit per vector of rays to a mask with 16 lanes: bits 0 to 15 if `part` is 0.
 #define LANES_OF(word, part) (((int16)((int)((word) >> 16 * (part))) >> LANES & 1) != 0)
 
 #ifndef PREFETCH
@@ -74,7 +74,8 @@ typedef struct {
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions: from the eye of depth 1, from a light of length 1 or less
     varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished
     varying_int leaf_index[VECTORS]; // the nearest triangle so far, as an index in leaf order
-    // The middles and half widths of the ray vectors' intervals of directions, one lane per vector (slices.cl).
+    // The middles and half widths of the intervals of directions of the vectors of rays, one lane per vector
+    // (slices.cl).
     varying middle[3][PARTS], half_width[3][PARTS];
     uint scattered;             // vectors of shadow rays whose hits lie far apart (scattered.cl), one bit each
     varying per[3][VECTORS];    // the reciprocals of the directions of scattered vectors

@@ -39,7 +39,7 @@ INLINED void transpose_quads(float16 a, float16 b, float16 c, float16 d, varying
 }
 
 // Loads a row (three corners or normals) for each lane, and returns the rows' floats as 12 columns (vectors) with one
-// value per lane. Each lane loads the four floats of a part (a quad) at once; the quads are transposed in registers.
+// value per lane. Each lane loads a quad (four floats: a row's part) at once; the quads are transposed in registers.
 void gather_rows(const __global float *rows, int step, varying_int indices, varying *column) {
     IntLanes at;
     at.all = indices * (3 * step);

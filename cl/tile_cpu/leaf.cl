@@ -19,7 +19,7 @@ Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits, const
 #error "FEW_VECTORS: up to so many vectors, a triangle is tested against rays without testing vectors_near first"
 #endif
 
-// Returns those of the ray vectors `vectors` whose rays are all finished, one bit each.
+// Returns those of the vectors of rays `vectors` whose rays are all finished, one bit each.
 static uint vectors_done(const Bundle *bundle, uint vectors) {
     uint done = 0;
     for (; vectors; vectors &= vectors - 1) {
@@ -29,9 +29,9 @@ static uint vectors_done(const Bundle *bundle, uint vectors) {
     return done;
 }
 
-// Tests the prepared triangles whose bits are set in `worth` against the ray vectors whose bits are set in `live`. With
-// `many`, each triangle is tested against the vectors' intervals of directions first. Returns a bit for each vector,
-// like test_prepared.
+// Tests the prepared triangles whose bits are set in `worth` against the vectors of rays whose bits are set in `live`.
+// With `many`, each triangle is tested against the vectors' intervals of directions first. Returns a bit for each
+// vector, like test_prepared.
 INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared *prepared, uint worth, int first,
                         uint live, const int any, const int many) {
     uint changed = 0;
@@ -40,7 +40,7 @@ INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared 
         const uint near = many ? vectors_near(bundle, prepared, lane, live) : live;
         const uint now = test_triangle(bundle, prepared, lane, first + lane, near, any);
         if (any) {
-            // A ray vector is removed from `live` when all its shadow rays are blocked.
+            // A vector of rays is removed from `live` when all its shadow rays are blocked.
             const uint done = vectors_done(bundle, now);
             changed |= done;
             live &= ~done;
@@ -55,13 +55,13 @@ INLINED uint test_worth(Bundle *bundle, const SurfaceTree *tree, const Prepared 
 }
 
 // Does the same as test_worth with `many`. The function is not inlined, so that its code takes no registers from the
-// inlined loop over few ray vectors.
+// inlined loop over few vectors of rays.
 __attribute__((noinline)) uint test_with_many(Bundle *bundle, const SurfaceTree *tree, const Prepared *prepared,
                                               uint worth, int first, uint live, const int any) {
     return test_worth(bundle, tree, prepared, worth, first, live, any, 1);
 }
 
-// Tests up to PREPARED of a leaf's triangles against the ray vectors in `live`. Returns one bit for each vector.
+// Tests up to PREPARED of a leaf's triangles against the vectors of rays in `live`. Returns one bit for each vector.
 // Without `any`, a bit is 1 if one of the vector's rays hit a triangle; with `any`, it is 1 if the triangles have
 // blocked the vector's last unfinished rays.
 uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
@@ -73,7 +73,8 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
                                         : test_worth(bundle, tree, &prepared, worth, first, live, any, 0);
 }
 
-// Tests all of a leaf's triangles against the ray vectors in `live`. Returns a bit for each vector, like test_prepared.
+// Tests all of a leaf's triangles against the vectors of rays in `live`. Returns a bit for each vector, like
+// test_prepared.
 static uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;

@@ -33,12 +33,12 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
     return open;
 }
 
-// Returns the value that belongs to one ray vector, from an array of float16 with one lane for each ray vector.
+// Returns the value that belongs to one vector of rays, from an array of float16 with one lane for each vector of rays.
 #define VALUE_OF(array, vector) (((const float *)(array))[vector])
 
 // Computes the rays from a light to the samples of pixels that are shaded once. For the first light, `bundle` still has
 // the directions from the eye: the samples' hits are computed from these directions and, if there are more lights, kept
-// in `shaded`. Returns the ray vectors that the light can reach, one bit each.
+// in `shaded`. Returns the vectors of rays that the light can reach, one bit each.
 uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle *bundle, Slices *slices,
                     const Lighting *lighting, int light, float4 eye, Shaded *shaded) {
     if (!once->vectors) return 0;
@@ -65,7 +65,7 @@ uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle 
     return open;
 }
 
-// Shades the samples in `reached` of one ray vector, each at its own hit, and adds the reflected radiance to `sum`.
+// Shades the samples in `reached` of one vector of rays, each at its own hit, and adds the reflected radiance to `sum`.
 void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                     const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, int vector, Mask reached,
                     Vec3 *sum) {
@@ -83,9 +83,9 @@ void add_to_samples(const FrameSamples *samples, const Bundle *bundle, const Sur
     *sum = select3(reached, add(*sum, arriving), *sum);
 }
 
-// Adds a light to the pixels that are shaded once. `open` has a bit for each ray vector to which this light casts rays.
-// If the light reaches all samples of a pixel, the radiance that the pixel reflects is added to `once->sum`. If the
-// light reaches only some of the samples, the radiance of each reached sample is added to `sum`.
+// Adds a light to the pixels that are shaded once. `open` has a bit for each vector of rays to which this light casts
+// rays. If the light reaches all samples of a pixel, the radiance that the pixel reflects is added to `once->sum`. If
+// the light reaches only some of the samples, the radiance of each reached sample is added to `sum`.
 void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                     const Lighting *lighting, int light, CAMERA_PARAMETERS, int2 image_size, uint open, Vec3 *sum) {
     const uint all = LANE_BITS16(samples->filled); // lanes without a sample have no ray

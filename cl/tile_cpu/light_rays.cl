@@ -45,8 +45,9 @@ INLINED void find_unblocked_radiance(const Lighting *lighting, int light, const 
 #endif
 #endif
 
-// Computes the rays from a light to a ray vector's hits, the interval of their directions, and (in `arriving`) the
-// radiance that the hits reflect to the eye if nothing blocks the light. Returns the lanes that the light can reach.
+// Computes the rays from a light to the hits of a vector of rays, the interval of their directions, and (in `arriving`)
+// the radiance that the hits reflect to the eye if nothing blocks the light. Returns the lanes that the light can
+// reach.
 Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int light, int vector, const Shaded *shaded,
                   Mask hits, Vec3 *arriving) {
     LightDirection direction;
@@ -74,7 +75,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
     for (int axis = 0; axis < 3; axis++) {
         const varying component = components[axis][vector];
-        // `slices` has one lane per ray vector. The lane `vector` gets the interval of this ray vector's directions.
+        // `slices` has one lane per vector of rays. The lane `vector` gets the interval of this vector's directions.
         ((float *)slices->low[axis])[vector] = least_lane(SELECT(lit, component, (varying)(FAR)));
         ((float *)slices->high[axis])[vector] = most_lane(SELECT(lit, component, (varying)(-FAR)));
     }
@@ -82,7 +83,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     return lit;
 }
 
-// Prepares the tile's rays from a light: they start at the light, and no ray vector has a ray yet.
+// Prepares the tile's rays from a light: they start at the light, and no vector of rays has a ray yet.
 static void begin_light_rays(Bundle *bundle, Slices *slices, const Lighting *lighting, int light) {
     for (int part = 0; part < PARTS; part++) {
         for (int axis = 0; axis < 3; axis++) {
@@ -117,7 +118,7 @@ static uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *t
     return open;
 }
 
-// Finds the scattered ray vectors (whose hits lie far apart) in `open`, after all rays from a light have been made.
+// Finds the scattered vectors of rays (whose hits lie far apart) in `open`, after all rays from a light have been made.
 void find_scattered(CAST_PARAMETERS Bundle *bundle, const Slices *slices, CAMERA_PARAMETERS, uint open) {
     const Uniform3 eye_to_light = uniform_difference(bundle->origin, uniform3(eye.x, eye.y, eye.z));
     const float block_side = (BLOCK_X >> SUBPIXEL_BITS) * pixel_side(step_x, step_y);

@@ -12,14 +12,14 @@ static float pixel_side(float4 step_x, float4 step_y) {
     return max(max(longer.x, longer.y), longer.z);
 }
 
-// Returns the ray vectors whose hits lie far apart, one bit each. `directions` contains the intervals of the directions
-// (of length 1 or less) from a light to the hits, and bounds of the distances between light and hits. `block_side` is
-// the width of a vector's block of pixels at a depth of 1.
+// Returns the vectors of rays whose hits lie far apart, one bit each. `directions` contains the intervals of the
+// directions (of length 1 or less) from a light to the hits, and bounds of the distances between light and hits.
+// `block_side` is the width of a vector's block of pixels at a depth of 1.
 static uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float block_side) {
     const float offset[3] = {eye_to_light.x, eye_to_light.y, eye_to_light.z};
     uint scattered = 0;
     for (int part = 0; part < PARTS; part++) {
-        // `distance_squared` is the squared distance from the eye to about the middle of a ray vector's hits.
+        // `distance_squared` is the squared distance from the eye to about the middle of the hits of a vector of rays.
         float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f);
         const float16 reach = directions->reach[part];
         for (int axis = 0; axis < 3; axis++) {
@@ -42,7 +42,7 @@ static varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }
 
-// Stores the set of ray vectors whose hits lie far apart and, for rays_enter, the reciprocals of their directions.
+// Stores the set of vectors of rays whose hits lie far apart and, for rays_enter, the reciprocals of their directions.
 static void set_scattered(Bundle *bundle, uint vectors) {
     bundle->scattered = vectors;
     for (; vectors; vectors &= vectors - 1) {
@@ -53,8 +53,8 @@ static void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// Tests the rays of the scattered ray vectors `vectors` against a child's box. Returns the ray vectors of which an
-// unfinished ray enters the box before the ray's end, one bit each.
+// Tests the rays of the scattered vectors of rays `vectors` against a child's box. Returns the vectors of rays of which
+// an unfinished ray enters the box before the ray's end, one bit each.
 static uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {

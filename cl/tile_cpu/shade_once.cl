@@ -1,7 +1,7 @@
 // Pixels that are shaded once. If a frame divides each pixel into 4 x 4 sub-pixels (see FrameSamples), a vector's rays
 // are the samples of one pixel. Mostly, all samples hit the same triangle, and their radiance hardly differs. A pixel
 // whose samples hardly differ is shaded only at their mean position, together with other pixels. In most variables
-// of this file, a lane belongs to a whole ray vector (as in Slices), and so to one pixel, not to a ray.
+// of this file, a lane belongs to a whole vector of rays (as in Slices), and so to one pixel, not to a ray.
 //
 //     each sample shaded: a vector per pixel     pixels shaded once: a vector for 16 pixels
 //     pixel 0:   lane    0 1 2 3 4 ...           lane    0 1 2 3 4 ...
@@ -14,8 +14,9 @@
 
 // The largest estimated relative error of a pixel that is shaded once: a tenth of the tolerance of verification.
 #define ONCE_ERROR 1e-4f
-// If fewer than LEAST_ONCE pixels of a part (16 ray vectors, see PARTS) show a single triangle, no pixel of the part is
-// shaded once: shading each sample of so few pixels takes less time.
+// In a part of the tile (16 vectors of rays, see PARTS), pixels are shaded once only if at least LEAST_ONCE pixels each
+// show a single triangle, which all samples of the pixel hit. For fewer pixels, it takes less time to shade each
+// sample.
 #define LEAST_ONCE 3
 
 // The positions of a frame's samples in their pixel, in units of a pixel's side.
@@ -68,9 +69,9 @@ SamplePositions sample_positions(const FrameSamples *samples) {
     return positions;
 }
 
-// Returns those of the ray vectors in `hit` whose samples all hit the same triangle, one bit each. `triangles` receives
-// the triangles' indices in leaf order, one lane per vector; the lanes of other vectors get one of these indices, too,
-// so that every lane can load a triangle.
+// Returns those of the vectors of rays in `hit` whose samples all hit the same triangle, one bit each. `triangles`
+// receives the triangles' indices in leaf order, one lane per vector; the lanes of other vectors get one of these
+// indices, too, so that every lane can load a triangle.
 static uint vectors_on_one_triangle(const FrameSamples *samples, const Bundle *bundle, uint hit, varying_int *triangles) {
     IntLanes index[PARTS];
     uint found = 0;

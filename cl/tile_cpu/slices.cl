@@ -67,8 +67,8 @@ static void invert_intervals(float16 *low, float16 *high) {
     *high = SELECT(none, (float16)(-FAR), b);
 }
 
-// Finds the least value of `low` and the greatest value of `high` over all ray vectors of a tile. The arrays have one
-// lane per ray vector, in PARTS elements: the function combines first the elements, and then their lanes.
+// Finds the least value of `low` and the greatest value of `high` over all vectors of rays of a tile. The arrays have
+// one lane per vector of rays, in PARTS elements: the function combines first the elements, and then their lanes.
 static void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
@@ -76,7 +76,7 @@ static void whole_tile(const float16 *low, const float16 *high, float *least, fl
     *most = most_lane(h);
 }
 
-// Returns the interval of a whole tile (see TileInterval), from the intervals of its ray vectors' directions.
+// Returns the interval of a whole tile (see TileInterval), from the intervals of directions of its vectors of rays.
 TileInterval interval_of_tile(const Slices *directions) {
     TileInterval interval;
     for (int axis = 0; axis < 3; axis++) {
@@ -112,7 +112,7 @@ static void finish_slices(Bundle *bundle, Slices *slices) {
 }
 
 // Returns upper bounds of the dot products of a normal (x, y, z) with the directions of rays: one lane for each of 16
-// ray vectors.
+// vectors of rays.
 INLINED float16 largest_product(const Bundle *bundle, int part, float x, float y, float z) {
     // The dot product is largest at a corner of the box of directions: along each axis, at the end of the interval to
     // which the normal points.
@@ -150,7 +150,7 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
 
-// Returns the ray vectors with a ray that may enter the box of a node's child, one bit each.
+// Returns the vectors of rays with a ray that may enter the box of a node's child, one bit each.
 static uint slices_overlap(const Slices *slices, const TileInterval *interval, const Boxes *boxes, int child) {
     uint met = 0;
     for (int part = 0; part < PARTS; part++) {
@@ -169,20 +169,20 @@ static uint slices_overlap(const Slices *slices, const TileInterval *interval, c
             entry = max(entry, first);
             leave = min(leave, last);
         }
-        // A ray vector is also excluded if all its rays have already hit something nearer than the box.
+        // A vector of rays is also excluded if all its rays have already hit something nearer than the box.
         met |= LANE_BITS16(entry <= min(leave * OUTWARDS, slices->reach[part])) << (16 * part);
     }
     return met;
 }
 
-// Returns the ray vectors whose reach (the largest t at which something can be hit) exceeds `entry`, one bit each.
+// Returns the vectors of rays whose reach (the largest t at which something can be hit) exceeds `entry`, one bit each.
 static uint reaching(const Slices *slices, float entry) {
     uint bits = 0;
     for (int part = 0; part < PARTS; part++) bits |= LANE_BITS16(slices->reach[part] > entry) << (16 * part);
     return bits;
 }
 
-// Returns the largest reach (the largest t at which something can be hit) of all ray vectors.
+// Returns the largest reach (the largest t at which something can be hit) of all vectors of rays.
 static float furthest(const Slices *slices) {
     float16 most = slices->reach[0];
     for (int part = 1; part < PARTS; part++) most = max(most, slices->reach[part]);
@@ -193,11 +193,11 @@ static float furthest(const Slices *slices) {
 static void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
     for (; changed; changed &= changed - 1) {
         const int vector = LOWEST_BIT(changed);
-        // A ray vector's reach is the largest t of its rays: that of the ray with the smallest 1 / t.
+        // The reach of a vector of rays is the largest t of its rays: that of the ray with the smallest 1 / t.
         const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
-            // The ray vector's lane is selected by comparing lanes' numbers with the vector's number. Writing the lane
-            // by its index would move `slices` from registers to memory.
+            // The lane of the vector of rays is selected by comparing lanes' numbers with the vector's number. Writing
+            // the lane by its index would move `slices` from registers to memory.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
     }
 }

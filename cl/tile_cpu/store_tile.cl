@@ -41,7 +41,7 @@ static void add_samples(__global float4 *mean, float4 sum, uint earlier, int cou
     *mean = earlier ? *mean + (sum - (float)count * *mean) * per_sample : sum * per_sample;
 }
 
-// Adds this frame's samples of a ray vector's 2 x 2 pixels to the pixels' means in the image.
+// Adds this frame's samples of the 2 x 2 pixels of a vector of rays to the pixels' means in the image.
 void store_subpixels(const FrameSamples *samples, __global float4 *restrict image, int2 image_size, float4 background,
                      const Vec3 *sum, const Pixels *pixels, Mask hits) {
     // Sub-pixels without a sample add nothing; samples that hit nothing add the background.
@@ -52,7 +52,7 @@ void store_subpixels(const FrameSamples *samples, __global float4 *restrict imag
     const int x = pixels->x.s0, y = pixels->y.s0;
     if (x >= image_size.x || y >= image_size.y) return;
     __global float4 *mean = image + (size_t)y * image_size.x + x;
-    // Some of the ray vector's 2 x 2 pixels may lie outside the image.
+    // Some of the 2 x 2 pixels may lie outside the image.
     const float4 r = sums_of_squares(red), g = sums_of_squares(green), b = sums_of_squares(blue), h = sums_of_squares(hit);
     const int right = x + 1 < image_size.x, below = y + 1 < image_size.y;
     add_samples(mean, (float4)(r.x, g.x, b.x, h.x), samples->earlier, samples->count);
@@ -72,8 +72,8 @@ static float4 sum_of_samples(const FrameSamples *samples, float4 background, con
     return (float4)(red + missing * background.x, green + missing * background.y, blue + missing * background.z, count);
 }
 
-// For tiles in which each ray vector belongs to one pixel: adds this frame's samples to the pixels' means in the image.
-// `sums` has the sums of the pixels' samples, one float4 per vector.
+// For tiles in which each vector of rays belongs to one pixel: adds this frame's samples to the pixels' means in the
+// image. `sums` has the sums of the pixels' samples, one float4 per vector.
 void store_sums(const FrameSamples *samples, const float4 *sums, __global float4 *restrict image, int2 image_size) {
     const int x = FIRST_COLUMN(0), y = FIRST_ROW(0);
 #if BLOCKS_ACROSS % 4 == 0
@@ -98,7 +98,7 @@ void store_sums(const FrameSamples *samples, const float4 *sums, __global float4
 }
 #endif
 
-// Stores the radiance of a ray vector, like store_radiance. Four pixels of a row are stored at a time if three
+// Stores the radiance of a vector of rays, like store_radiance. Four pixels of a row are stored at a time if three
 // conditions hold: pixels are not divided into sub-pixels, the vector's block of pixels lies inside the image, and the
 // image's width is a multiple of four pixels.
 void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background,

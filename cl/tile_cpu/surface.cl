@@ -31,7 +31,7 @@ static Surface one_material(const __global float *material) {
     return surface;
 }
 
-// Returns the materials of a ray vector's hits, one per lane. Usually, all hits have the same material.
+// Returns the materials of the hits of a vector of rays, one per lane. Usually, all hits have the same material.
 static Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     IntLanes at;
     at.all = AS_INT(numbers);
@@ -61,8 +61,8 @@ typedef struct {
     Surface surface;
 } Shaded;
 
-// Computes a ray vector's hits from its rays and the triangles that the rays hit. `corner` and `normal` are columns
-// (vectors) with the triangles' corners and normals, as gather_rows returns them.
+// Computes the hits of a vector of rays from the rays and the triangles that they hit. `corner` and `normal` are
+// columns (vectors) with the triangles' corners and normals, as gather_rows returns them.
 INLINED void compute_surface_points(const Lighting *lighting, Vec3 origin, Vec3 direction, const varying *corner,
                                     const varying *normal, Mask hits, Shaded *shaded) {
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
@@ -115,7 +115,7 @@ void find_surface_points(const SurfaceTree *tree, const Lighting *lighting, floa
     }
 }
 
-// Computes the hits of a ray vector, whose directions and nearest triangles are in the bundle (the tile's rays).
+// Computes the hits of a vector of rays, whose directions and nearest triangles are in the bundle (the tile's rays).
 static void find_hits_of_vector(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle,
                          int vector, Mask hits, Shaded *shaded) {
     const Vec3 d = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);

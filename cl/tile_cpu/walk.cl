@@ -17,9 +17,9 @@ static void fetch_child(const Tree *tree, uint word) {
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes onto the stack those children of a node that a ray vector of `live` meets. The nearest child is on top of the
-// stack, unless `any` is 1 (then, the order of children does not matter). `reach` is the largest t at which a ray of
-// the tile can hit something. Returns the new number of the stack's entries. Unless `any` is 1, the function finds a
+// Pushes onto the stack those children of a node that a vector of rays in `live` meets. The nearest child is on top of
+// the stack, unless `any` is 1 (then, the order of children does not matter). `reach` is the largest t at which a ray
+// of the tile can hit something. Returns the new number of the stack's entries. Unless `any` is 1, the function finds a
 // child's place in the stack by counting the pushed children that the tile enters later: they are below this child. An
 // example with three children, entered at t = 5, 2 and 9:
 //
@@ -29,11 +29,12 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;
     Boxes boxes;
     uint vectors[NODE_WIDTH], pushed = 0;
-    // First, the whole tile is tested against all children together. Then, the ray vectors are tested child by child.
+    // First, the whole tile is tested against all children together. Then, the vectors of rays are tested child by
+    // child.
     for (uint met = children_overlap(interval, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_overlap(slices, interval, &boxes, child);
-        // The hits of a scattered ray vector lie far apart, so the interval of its rays' directions is too wide to
+        // The hits of a scattered vector of rays lie far apart, so the interval of its rays' directions is too wide to
         // exclude boxes. Each ray of a scattered vector is tested instead.
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
         if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_enter(bundle, &boxes, child, unsure);
@@ -56,15 +57,15 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     return waiting + popcount(pushed);
 }
 
-// Traverses the tree with a tile's rays (the bundle). `open` has a bit for each ray vector with a ray. With `any`, the
-// traversal ends as soon as every ray has a hit.
+// Traverses the tree with a tile's rays (the bundle). `open` has a bit for each vector of rays with a ray. With `any`,
+// the traversal ends as soon as every ray has a hit.
 void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const SurfaceTree *tree, uint open,
           const int any) {
 #if CUTOUTS
     bundle->tree = &tree->tree;
 #endif
     WaitingTile stack[STACK_SIZE];
-    // The stack's first entry is the tree's root, which every ray vector with a ray visits.
+    // The stack's first entry is the tree's root, which every vector of rays with a ray visits.
     stack[0].word = 0;
     stack[0].entry = 0.0f;
     stack[0].live = open;

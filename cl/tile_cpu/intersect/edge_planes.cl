@@ -91,8 +91,9 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 #endif
 }
 
-// With more than FEW_VECTORS ray vectors, a triangle is first tested against the intervals of the vectors' directions.
-// Testing sixteen intervals takes about as long as testing six vectors, so with few vectors, this test does not pay.
+// With more than FEW_VECTORS vectors of rays, a triangle is first tested against the intervals of the vectors'
+// directions. Testing sixteen intervals takes about as long as testing six vectors, so with few vectors, this test does
+// not pay.
 #define FEW_VECTORS (6 * PARTS)
 
 // Returns upper bounds of the products of an edge's plane and the directions of sixteen vectors of rays.
@@ -100,7 +101,7 @@ INLINED float16 largest_inside(const Bundle *bundle, int part, const float edge[
     return largest_product(bundle, part, edge[0][lane], edge[1][lane], edge[2][lane]);
 }
 
-// Returns `live` without the ray vectors whose interval of directions lies outside one edge of a prepared triangle.
+// Returns `live` without the vectors of rays whose interval of directions lies outside one edge of a prepared triangle.
 uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
     uint outside = 0;
     for (int part = 0; part < PARTS; part++) {
@@ -118,7 +119,7 @@ uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint
 // `index` its index in leaf order. With `any`, a ray that hits the triangle is finished; otherwise the hit becomes the
 // ray's nearest hit. Returns the vectors in which a ray hit, one bit each.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index, uint live, const int any) {
-    // The floats of the triangle are loaded into registers once, for the tests of all ray vectors in `live`.
+    // The floats of the triangle are loaded into registers once, for the tests of all vectors of rays in `live`.
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
     const float ux = prepared->edges[0][0][lane], uy = prepared->edges[0][1][lane], uz = prepared->edges[0][2][lane];
     const float vx = prepared->edges[1][0][lane], vy = prepared->edges[1][1][lane], vz = prepared->edges[1][2][lane];

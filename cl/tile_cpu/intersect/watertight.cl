@@ -103,15 +103,16 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     return 1;
 }
 
-// With more than FEW_VECTORS ray vectors, a triangle is first tested against the intervals of the vectors' directions.
-// Testing sixteen intervals takes about as long as testing four vectors, so with few vectors, this test does not pay.
+// With more than FEW_VECTORS vectors of rays, a triangle is first tested against the intervals of the vectors'
+// directions. Testing sixteen intervals takes about as long as testing four vectors, so with few vectors, this test
+// does not pay.
 #define FEW_VECTORS (4 * PARTS)
 // A bound of a volume's (determinant's) rounding error, divided by the product of the three vectors' sizes. The bound
 // also covers the errors of intersect_sheared, which grow with the angle between a ray and the common axis.
 #define VOLUME_ROUNDING 2e-5f
 
-// Returns the ray vectors in `live` of which a ray may run on the positive side of a plane through the origin: the side
-// to which the plane's normal points. The normal is the cross product of two vectors; `size` is the product of the
+// Returns the vectors of rays in `live` of which a ray may run on the positive side of a plane through the origin: the
+// side to which the plane's normal points. The normal is the cross product of two vectors; `size` is the product of the
 // sizes of these two vectors.
 static uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live) {
     for (int part = 0; part < PARTS; part++) {
@@ -121,14 +122,14 @@ static uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, ui
     return live;
 }
 
-// Returns `live` without the ray vectors whose interval of directions lies outside one edge of the triangle.
+// Returns `live` without the vectors of rays whose interval of directions lies outside one edge of the triangle.
 uint vectors_near(const Bundle *bundle, const Prepared *prepared, int lane, uint live) {
     const Uniform3 a = LOAD3(prepared->a), b = LOAD3(prepared->b), c = LOAD3(prepared->c);
     const float size_a = uniform_size(a), size_b = uniform_size(b), size_c = uniform_size(c);
     const Uniform3 ab = uniform_cross(a, b);
     const float volume = uniform_dot(ab, c);
     // If the origin lies nearly in the triangle's plane, it is uncertain which side of an edge's plane is the inner
-    // side, so no ray vector is excluded.
+    // side, so no vector of rays is excluded.
     if (fabs(volume) <= VOLUME_ROUNDING * (size_a * size_b * size_c)) return live;
     const float sign = volume > 0.0f ? 1.0f : -1.0f;
     live = vectors_inside(bundle, uniform_scale(ab, sign), size_a * size_b, live);
@@ -142,8 +143,8 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int index
     for (; live; live &= live - 1) {
         const int vector = LOWEST_BIT(live);
         varying inv_t;
-        // A ray vector uses the same test for all triangles, so that none of its rays slips through the edge that two
-        // triangles share.
+        // A vector of rays uses the same test for all triangles, so that none of its rays slips through the edge that
+        // two triangles share.
         const Mask met = bundle->shears.axis[vector] == NO_AXIS
                              ? intersect_single(bundle, vector, prepared->corners, &inv_t)
                              : intersect_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &inv_t);
