@@ -190,7 +190,8 @@ fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_stored() {
     until("the program is kept", is_stored);
     let second = report();
     assert_eq!([&first["build_from_cache"], &second["build_from_cache"]], [false, true]);
-    let note = "another process is storing the compiled program, so that the next start need not compile it";
+    let note =
+        "another process is storing the compiled program, so that raycl need not compile it the next time";
     let is_noted =
         |report: &Value| report["notes"].as_array().is_some_and(|notes| notes.contains(&note.into()));
     // If the driver returns a binary at once, raycl stores it without another process.

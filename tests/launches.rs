@@ -88,7 +88,7 @@ fn how_long_a_run_takes_is_estimated_from_earlier_times() {
     let unknown = expected(&[], &[]).to_string();
     assert!(
         unknown.starts_with(
-            "6 points in 3 launches: the duration is unknown; each point needs at least 15 frames"
+            "6 points in 3 launches: the duration is unknown; measuring each point takes at least 15 frames"
         ),
         "{unknown}"
     );

@@ -207,7 +207,7 @@ fn a_header_that_disagrees_with_its_files_code_is_a_mistake_in_the_users_file() 
             "memory: local",
             "memory: private",
             "local-vectors",
-            "B of __local memory, but 0 B follow from the header of kernels/cast/vectors/local.cl",
+            "B of __local memory, but according to the header of kernels/cast/vectors/local.cl, it uses 0 B",
         ),
         (
             "cast/triangles/local.cl",

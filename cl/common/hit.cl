@@ -27,9 +27,10 @@
 #define OVERLAP_EDGES 8.0f
 // A triangle seen almost edge-on can look narrower than its overlap with its neighbours. Such a triangle is not hit:
 // the neighbours overlap the whole triangle, and the triangle's own overlap could lengthen it several times. `distance`
-// is the size (1-norm) of a corner relative to the rays' origin. `longer` is the size of the longer of the corner's two
-// edges. In the 1-norm, all points of the triangle are at least `distance - longer` away from the origin. A triangle is
-// hit only if |determinant of the corner and its two edges| > LEAST_VISIBLE (in tile_gpu/: > LEAST_VISIBLE / 2).
+// is the size (1-norm) of a corner relative to the rays' origin. `longer` is the size of the longer of the two edges
+// at the corner. In the 1-norm, all points of the triangle are at least `distance - longer` away from the origin. A
+// triangle is hit only if |determinant of the corner and its two edges| is greater than LEAST_VISIBLE (in tile_gpu/:
+// than LEAST_VISIBLE / 2).
 #define LEAST_VISIBLE(distance, longer) \
     (SHARED_EDGE_SLACK * (distance) * max((distance) - (longer), 0.0f) * (longer))
 

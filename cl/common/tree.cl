@@ -51,7 +51,8 @@ typedef struct {
 // Returns the corners of the triangle at an index in leaf order.
 static Corners leaf_corners(const Tree *tree, int index) {
     const __global float4 *quads = (const __global float4 *)tree->leaves + 3 * (size_t)index;
-    // Three aligned loads of four floats read the corners. The fourth floats are the triangle's number, material and 0.
+    // Three aligned loads of four floats read the corners. The fourth float of the first load is the triangle's number,
+    // that of the second load its material, and that of the third load 0.
     const float4 a = quads[0], b = quads[1], c = quads[2];
     Corners corners;
     corners.a = uniform3(a.x, a.y, a.z);

@@ -58,8 +58,8 @@ pub struct Args {
     /// Print one JSON object per strategy instead of a table
     #[arg(long)]
     json: bool,
-    /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
-    /// folder of a strategy's axis add values to this axis
+    /// Use the kernel files in this folder instead of the built-in files of the same names. A file with a new name in
+    /// the folder of an axis of strategies, such as cast/vectors/, adds a value to this axis
     #[arg(long, value_name = "DIR")]
     pub(super) cl_dir: Option<PathBuf>,
 }

@@ -124,9 +124,9 @@ pub struct Args {
     /// Print a line for every finished point, instead of a progress bar. Not with --quiet
     #[arg(short, long, conflicts_with = "quiet")]
     verbose: bool,
-    /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
-    /// folder of a strategy's axis add values to this axis. If the option is given twice, raycl measures the
-    /// kernels of both folders in the same rounds and compares them
+    /// Use the kernel files in this folder instead of the built-in files of the same names. A file with a new name in
+    /// the folder of an axis of strategies, such as cast/vectors/, adds a value to this axis. If the option is given
+    /// twice, raycl measures the kernels of both folders in the same rounds and compares them
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
     /// With --cl-dir given twice: exit with code 1 if it is statistically significant that the second folder's kernels

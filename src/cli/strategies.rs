@@ -23,8 +23,8 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     /// A folder of kernel files, laid out like the folder cl/ of raycl's repository. The files in this folder
-    /// replace the built-in kernel files of the same names. Files with new names in the folder of a
-    /// strategy's axis add values to this axis
+    /// replace the built-in kernel files of the same names. A file with a new name in the folder of an axis of
+    /// strategies, such as cast/vectors/, adds a value to this axis
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }

@@ -50,8 +50,8 @@ pub struct Subject {
     pub set: Vec<(String, String)>,
     #[command(flatten)]
     pub look: Look,
-    /// Use the kernel files in this folder instead of the built-in files of the same names. Files with new names in the
-    /// folder of a strategy's axis add values to this axis
+    /// Use the kernel files in this folder instead of the built-in files of the same names. A file with a new name in
+    /// the folder of an axis of strategies, such as cast/vectors/, adds a value to this axis
     #[arg(long, value_name = "DIR")]
     pub cl_dir: Option<PathBuf>,
 }

@@ -1,4 +1,5 @@
-//! Answers a document's queries for published run times: those in the student paper that raycl reproduces.
+//! Answers queries for published run times: those in the student paper that raycl reproduces. A query is a text that
+//! says from where a number in a document is taken.
 
 use super::of_record::{Figure, Form};
 use crate::report::paper::curve;

@@ -416,7 +416,10 @@ impl Expected {
         let known = self.known;
         if known == 0 {
             let frames = counted(self.least_frames, "frame");
-            return format!("the duration is unknown; each point needs at least {frames}{}", self.at_most());
+            return format!(
+                "the duration is unknown; measuring each point takes at least {frames}{}",
+                self.at_most()
+            );
         }
         let more = match self.additional {
             Duration::ZERO => String::new(),

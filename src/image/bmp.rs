@@ -11,7 +11,7 @@ const FILE_HEADER_BYTES: usize = 14;
 /// numbers in their places.
 const LEAST_SUM: f32 = (1 << 20) as f32;
 
-/// Returns the colour space that a BMP states, as text for messages; `None` if the BMP states none, or sRGB.
+/// Returns the colour space that a BMP states, as text for messages; `None` if the BMP states sRGB or no colour space.
 pub fn other_space(bytes: &[u8]) -> Option<String> {
     let header = bytes.get(FILE_HEADER_BYTES..)?;
     // Shorter headers have no colour space.

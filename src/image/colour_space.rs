@@ -7,7 +7,8 @@ use super::stated::{CLOSE, SRGB, is_srgb_gamma};
 use super::{bmp, tga};
 use image::{ImageDecoder, ImageFormat};
 
-/// Returns the colour space that a picture states, as text for messages; `None` if the picture states none, or sRGB.
+/// Returns the colour space that a picture states, as text for messages; `None` if the picture states sRGB or no colour
+/// space.
 /// `decoder` is a decoder of the picture.
 pub fn other_colour_space(
     bytes: &[u8],

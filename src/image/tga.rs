@@ -33,7 +33,7 @@ impl TgaAlpha {
     }
 }
 
-/// Returns the gamma that a TGA states, as text for messages; `None` if it states none, or a gamma like sRGB's.
+/// Returns the gamma that a TGA states, as text for messages; `None` if it states no gamma, or one like sRGB's.
 pub fn other_gamma(bytes: &[u8]) -> Option<String> {
     let extension = extension(bytes)?;
     let number = |at: usize| f64::from(u16::from_le_bytes([extension[at], extension[at + 1]]));

@@ -117,7 +117,7 @@ impl LaunchError {
     pub(crate) fn of_local_memory(kernel: &str, [used, stated]: [u64; 2], own_files: &[String]) -> Self {
         let headers = if own_files.len() == 1 { "the header" } else { "the headers" };
         Self::OwnHeader(format!(
-            "the kernel `{kernel}` uses {used} B of __local memory, but {stated} B follow from {headers} of {}: correct `memory`, `bytes_per_ray` or `copied`",
+            "the kernel `{kernel}` uses {used} B of __local memory, but according to {headers} of {}, it uses {stated} B: correct the key `memory`, `bytes_per_ray` or `copied`",
             some_of(own_files)
         ))
     }

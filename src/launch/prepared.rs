@@ -323,7 +323,7 @@ mod tests {
             // the kernel uses.
             let expected = stated.filter(|_| is_reported).map(|stated| {
                 format!(
-                    " B of __local memory, but {stated} B follow from the header of {}: correct `memory`, ",
+                    " B of __local memory, but according to the header of {}, it uses {stated} B: correct the key `memory`, ",
                     folder.path().join(file).display()
                 )
             });

@@ -111,14 +111,14 @@ fn cut(sorted: &[f64]) -> usize {
 
 /// Returns the dip: the largest distance between the values' distribution function and the nearest distribution
 /// function with one mode. The algorithm is AS 217 (Hartigan, *Computation of the Dip Statistic to Test for
-/// Unimodality*, Applied Statistics 34, 1985). The algorithm narrows the modal interval, in which the mode
-/// lies. The algorithm compares the distribution function with two hulls: the greatest convex minorant (the
-/// highest convex curve that is nowhere above the function) and the least concave majorant (the lowest concave
-/// curve that is nowhere below it). Below the modal interval, the algorithm measures the distance between the
-/// distribution function and its convex minorant; above the modal interval, the distance between the
-/// distribution function and its concave majorant. The algorithm ends when the modal interval stays the same or
-/// has only equal values, or when the largest distance between the two hulls within the modal interval is at
-/// most the largest distance measured so far.
+/// Unimodality*, Applied Statistics 34, 1985). The algorithm narrows the *modal interval*, the interval in
+/// which the mode lies. The algorithm compares the distribution function with two hulls: the greatest convex
+/// minorant (the highest convex curve that is nowhere above the function) and the least concave majorant (the
+/// lowest concave curve that is nowhere below it). For values below the modal interval, the algorithm measures
+/// the largest distance between the distribution function and its greatest convex minorant; for values above
+/// the modal interval, the largest distance between the distribution function and its least concave majorant.
+/// The algorithm ends when the modal interval stays the same or has only equal values, or when the largest
+/// distance between the two hulls within the modal interval is at most the largest distance measured so far.
 fn dip(sorted: &[f64]) -> f64 {
     let n = sorted.len();
     let (mut low, mut high, mut dip) = (0, n - 1, 1.0_f64);

@@ -40,7 +40,7 @@ static Probe prepare_probe(varying t_min, Vec3 direction) {
 // is seen nearly edge-on, it is not hit, since perhaps no digit of the determinant `a` is correct. With PAPER_EPSILONS,
 // the slacks of weights and the limit of `a` are the paper's constants. Without, a weight's slack is proportional to
 // the distance between the ray's origin and the corner, and to the size (1-norm) of the edge in the weight's cross
-// product. The limit of `a` is then proportional to the product of both edges' sizes.
+// product. The limit that |a| must exceed is then proportional to the product of both edges' sizes.
 static Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;

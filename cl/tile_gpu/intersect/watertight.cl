@@ -11,7 +11,8 @@
 
 #include "common/in_plane.cl"
 
-// Returns the largest value of `turn` (1 or -1) times v . (x, y, 1) over the box around the slopes (x, y) of a shaft.
+// Returns the largest product of `turn` (1 or -1) and v . (x, y, 1), for all (x, y) in the box around the slopes of a
+// shaft.
 INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
     return most_of(shaft, uniform_scale(v, turn));
 }

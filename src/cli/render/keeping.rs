@@ -96,7 +96,7 @@ pub fn for_the_next_start(
 }
 
 const STORES: &str =
-    "another process is storing the compiled program, so that the next start need not compile it";
+    "another process is storing the compiled program, so that raycl need not compile it the next time";
 
 /// Returns the note for a picture that was cast with [`hurry::QUICK`].
 fn hurried(fastest: &Strategy) -> String {
@@ -107,7 +107,8 @@ fn hurried(fastest: &Strategy) -> String {
     )
 }
 
-const COMPILES: &str = "another process is compiling the fastest strategy for the next start";
+const COMPILES: &str =
+    "another process is compiling the fastest strategy, so that raycl can use it the next time";
 
 /// Starts a background process that stores the program of `prepared`, if this is worthwhile
 /// ([`is_worth_storing`]). Returns true if the process has started.

@@ -26,12 +26,13 @@ pub struct Look {
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     azimuth: Option<f64>,
     /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh without a
-    /// camera, or if only --azimuth is given: about 21; for a mesh that is open on one side, 0]
+    /// camera, or if only --azimuth is given: about 21 or, if the mesh is open on one side like a room without its
+    /// front wall, 0]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     elevation: Option<f64>,
     /// The background: a colour as it appears on the screen (such as '#203040', black or white), or
     /// transparent. With a transparent background, a PNG, APNG or EXR that `raycl render` writes has an alpha
-    /// channel; `raycl view` shows black instead
+    /// channel; `raycl view` shows a transparent background as black
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
     /// Make the picture brighter or darker: radiance is multiplied by this number before it is displayed
@@ -53,8 +54,8 @@ pub struct Look {
     #[arg(long, help_heading = HEADING)]
     two_sided: bool,
     /// Show a bare mesh without ground, soft light or sky, but with two point lights if its file has no
-    /// lights. `raycl render` then casts one sample per pixel, unless --samples or --adaptive is given. The
-    /// option has no effect on a scene file
+    /// lights. `raycl render` then casts one sample per pixel, unless --samples or --adaptive is given. For
+    /// a scene file, the option has no effect
     #[arg(long, help_heading = HEADING)]
     pub plain: bool,
 }

@@ -68,7 +68,8 @@ fn the_time_is_known_only_if_every_point_was_measured_before() {
 #[test]
 fn finished_points_that_are_not_in_the_plan_are_said() {
     let of = |others| Expected { points: 2, launches: 3, least_frames: 15, others, ..Expected::default() };
-    let plan = "2 points in 3 launches: the duration is unknown; each point needs at least 15 frames";
+    let plan =
+        "2 points in 3 launches: the duration is unknown; measuring each point takes at least 15 frames";
     assert_eq!(of(0).to_string(), plan);
     let one = "1 record in this folder is of an earlier plan; it is kept, but not shown";
     assert_eq!(of(1).to_string(), format!("{plan}\n{one}"));
@@ -127,7 +128,7 @@ fn one_point_and_one_frame_are_in_the_singular() {
     let expected = |points, least_frames| {
         Expected { points, launches: 3, least_frames, ..Expected::default() }.to_string()
     };
-    let unknown = "in 3 launches: the duration is unknown; each point needs at least";
+    let unknown = "in 3 launches: the duration is unknown; measuring each point takes at least";
     assert_eq!(expected(1, 1), format!("1 point {unknown} 1 frame"));
     assert_eq!(expected(2, 15), format!("2 points {unknown} 15 frames"));
 }

@@ -67,8 +67,8 @@ mod tests {
         for (frame_ms, holds) in [(1.0, true), (33.0, true), (99.0, true), (100.0, true), (200.0, false)] {
             assert_eq!(frames_ms(frame_ms) <= most_ms, holds, "{frame_ms}: {}", frames_ms(frame_ms));
         }
-        let text = "2 points in 2 launches: the duration is unknown; each point needs at least 10 frames; \
-                    if a frame takes at most 100 ms on average, all frames together take at most about 3s; \
+        let text = "2 points in 2 launches: the duration is unknown; measuring each point takes at least 10 \
+                    frames; if a frame takes at most 100 ms on average, all frames together take at most about 3s; \
                     building, checking and waiting for other measurements take additional time";
         assert_eq!(expected.to_string(), text);
     }

@@ -65,7 +65,7 @@ impl Macros {
     pub fn nested(&self, line: u32, expand: impl FnOnce() -> Result<(), Misuse>) -> Result<(), Misuse> {
         let depth = self.nested.get();
         if depth == MOST_NESTED {
-            return Err((line, format!("macro calls are nested in more than {MOST_NESTED} levels")));
+            return Err((line, format!("macro calls are nested more than {MOST_NESTED} levels deep")));
         }
         self.nested.set(depth + 1);
         let expanded = expand();

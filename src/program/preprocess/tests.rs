@@ -435,7 +435,7 @@ fn calls_nested_too_deeply_are_refused_with_their_line() {
     let nested = |levels| format!("#define F(a) a\n\n{}1{}\n", "F(".repeat(levels), ")".repeat(levels));
     assert_eq!(text(&nested(90)).trim(), "1");
     let said = mistake(&nested(20_000));
-    assert!(said.contains("line 3: macro calls are nested in more than 100 levels"), "{said}");
+    assert!(said.contains("line 3: macro calls are nested more than 100 levels deep"), "{said}");
 }
 
 #[test]

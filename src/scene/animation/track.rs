@@ -91,7 +91,8 @@ impl Track {
         Some(format!("{} has {effect}: {track} sets {part}", shortened(&*setting.origin)))
     }
 
-    /// Returns a note if this is a track of `name`, or if some of its values are not used; otherwise `None`.
+    /// Returns a note if this track sets the scene's `name`, which changes no picture, or if some of the track's
+    /// values are not used; otherwise `None`.
     pub fn note_unused(&self, document: &Document) -> Option<String> {
         let location = || document.location_of(&self.path.span());
         if self.path.get_ref() == "name" {

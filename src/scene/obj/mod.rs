@@ -296,8 +296,8 @@ fn exact_placement(
 /// Returns the placement (how the mesh is moved and scaled), computed only from vertices of triangles that a ray can
 /// hit. Returns `None` if the computed placement equals `placement`, the placement that was computed from all
 /// vertices of the file. Also returns `None` if `reading.placement` is already set, or if the mesh has no
-/// triangles. If a placement is returned, the mesh must be read again, because `placement` moves or scales it
-/// wrongly.
+/// triangles. If a placement is returned, the mesh must be read again with the returned placement, because
+/// the argument `placement` moves or scales the mesh wrongly.
 fn placement_of_used(
     mesh: &Mesh,
     placement: Placement,

@@ -61,8 +61,8 @@ impl Form {
     }
 }
 
-/// Returns an error if a value that raycl reads has a wrong form: a value in an extension of a material, or of its
-/// colour texture or emission texture.
+/// Returns an error if raycl reads a value of a wrong form from an extension. The checked extensions are those of
+/// materials, and of the materials' colour textures and emission textures.
 pub(super) fn check(root: &Root) -> Parsed<()> {
     root.materials
         .iter()

@@ -187,7 +187,7 @@ impl LeftOut {
             (
                 self.odd_inverses,
                 "joint with an inverse bind matrix whose last row is not 0 0 0 1",
-                "used without this row: expected the numbers of the matrix by columns",
+                "used as if this row were 0 0 0 1; the file must store the matrix column by column",
             ),
             (
                 self.unpaired,

@@ -174,14 +174,15 @@ fn check_wide(is_wide: [bool; 4], mut colours: Vec<&mut Colour>) -> Option<Strin
     let kind = if is_wide[..3] == [true; 3] { "" } else { " of the type ushort" };
     is_coloured.then(|| {
         format!(
-            "channels of colours{kind} count as numbers from 0 to 255, not to 65535, since none is larger than 255"
+            "channels of colours{kind} are read as numbers from 0 to 255, not to 65535, since none is larger \
+             than 255"
         )
     })
 }
 
 /// Returns the note on colours that are almost black, since no channel is larger than `most`.
 fn doubtful(full: f64, most: f64) -> String {
-    format!("channels of colours count as numbers from 0 to {full}, but none is larger than {most}")
+    format!("channels of colours are read as numbers from 0 to {full}, but none is larger than {most}")
 }
 
 /// Returns the value of a channel at full intensity, if channels of this type are whole numbers.

@@ -437,7 +437,7 @@ fn channels_of_16_bits_count_as_those_of_8_bits_if_none_is_larger_than_255() {
     };
     let red = |file: &MeshFile| triangle_colours(file)[0].x;
     let note =
-        "channels of colours count as numbers from 0 to 255, not to 65535, since none is larger than 255";
+        "channels of colours are read as numbers from 0 to 255, not to 65535, since none is larger than 255";
     for text in [SQUARE, PAINTED] {
         let wide = |to: &str| file(text, "property ushort", to);
         let narrow = wide(" 255 0 0\n");
@@ -446,7 +446,8 @@ fn channels_of_16_bits_count_as_those_of_8_bits_if_none_is_larger_than_255() {
         let dark = wide(" 256 0 0\n");
         assert!(red(&dark) < 0.001 && !dark.notes.contains(&note.to_owned()), "{:?}", dark.notes);
     }
-    let doubtful = "channels of colours count as numbers from 0 to 255, but none is larger than 1".to_owned();
+    let doubtful =
+        "channels of colours are read as numbers from 0 to 255, but none is larger than 1".to_owned();
     let is_noted = |kind: &str, to: &str| file(SQUARE, kind, to).notes.contains(&doubtful);
     assert_eq!(
         ["0", "1", "2"].map(|to| is_noted("property int", &format!(" {to} 0 0\n"))),
@@ -459,7 +460,7 @@ fn channels_of_16_bits_count_as_those_of_8_bits_if_none_is_larger_than_255() {
     let doubtful = doubtful.replace("255", "127");
     assert!(file(SQUARE, "property char", " 1 0 0\n").notes.contains(&doubtful));
     let doubtful =
-        "channels of colours count as numbers from 0 to 65535, but none is larger than 1023".to_owned();
+        "channels of colours are read as numbers from 0 to 65535, but none is larger than 1023".to_owned();
     let ten_bits = |to: &str| file(SQUARE, "property ushort", to).notes.contains(&doubtful);
     assert_eq!([" 255 0 0\n", " 1023 0 0\n", " 1024 0 0\n"].map(ten_bits), [false, true, false]);
 }
@@ -755,12 +756,12 @@ fn channels_of_different_types_have_ranges_of_their_own() {
         (file.mesh.materials[0].lambertian.x, note)
     };
     let (narrow, note) = file(["ushort", "uchar", "uchar"], "255");
-    let expected = "channels of colours of the type ushort count as numbers from 0 to 255, not to 65535, since none is \
-                    larger than 255";
+    let expected = "channels of colours of the type ushort are read as numbers from 0 to 255, not to 65535, since none \
+                    is larger than 255";
     assert!(narrow > 0.999 && note.as_deref() == Some(expected), "{narrow} {note:?}");
     assert_eq!(file(["ushort", "uchar", "float"], "65535"), (1.0, None));
     assert_eq!(file(["uchar", "ushort", "ushort"], "255"), (1.0, None));
-    let dark = "channels of colours count as numbers from 0 to 255, but none is larger than 1";
+    let dark = "channels of colours are read as numbers from 0 to 255, but none is larger than 1";
     assert_eq!(file(["uchar", "int", "short"], "1").1.as_deref(), Some(dark));
     assert_eq!(file(["float", "uchar", "uchar"], "1"), (1.0, None));
     assert_eq!(file(["uchar", "float", "float"], "1").1, None);

@@ -193,8 +193,8 @@ fn the_last_row_of_an_inverse_bind_matrix_is_not_used() {
     inverses[1].x_axis.w = 3.0;
     inverses[1].w_axis.w = 0.5;
     let inverses = floats(inverses.map(|matrix| matrix.to_cols_array()).as_flattened());
-    let note = "1 joint with an inverse bind matrix whose last row is not 0 0 0 1 is used without this row: expected \
-                the numbers of the matrix by columns";
+    let note = "1 joint with an inverse bind matrix whose last row is not 0 0 0 1 is used as if this row were \
+                0 0 0 1; the file must store the matrix column by column";
     Bar::new().with(INVERSE, inverses, MAT4).assert_shown(PLACED, &[note]);
 }
 
