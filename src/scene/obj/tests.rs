@@ -553,7 +553,7 @@ fn a_range_of_colours_that_is_doubtful_is_noted() {
     };
     assert_eq!(
         notes("1.6"),
-        ["channels of colours count as 0 to 255, not as 0 to 1, since one of them is 1.6"]
+        ["channels of colours are read as numbers from 0 to 255, not from 0 to 1, since one of them is 1.6"]
     );
     assert_eq!(notes("15").len(), 1);
     assert_eq!([notes("1"), notes("16"), notes("200")].concat(), [""; 0]);
