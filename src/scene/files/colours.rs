@@ -101,7 +101,10 @@ pub(in crate::scene) fn full_channel(brightest: f32) -> f32 {
 pub(in crate::scene) fn note_bytes(brightest: f32) -> Option<String> {
     let is_doubtful = full_channel(brightest) > 1.0 && brightest < LEAST_OF_BYTES;
     is_doubtful.then(|| {
-        format!("channels of colours are read as numbers from 0 to 255, not from 0 to 1, since one of them is {brightest}")
+        format!(
+            "channels of colours are read as numbers from 0 to 255, not from 0 to 1, since one of them is \
+             {brightest}"
+        )
     })
 }
 

@@ -87,7 +87,10 @@ fn channels_that_are_not_whole_numbers_may_be_from_0_to_255() {
     });
     let dark = dark.replace("255 0 0\n", "7 0 0\n").replace("0 188 0\n", "0 1 0\n");
     let notes = parse("a.ply", dark.as_bytes()).unwrap().notes;
-    assert_eq!(notes, ["channels of colours are read as numbers from 0 to 255, not from 0 to 1, since one of them is 7"]);
+    assert_eq!(
+        notes,
+        ["channels of colours are read as numbers from 0 to 255, not from 0 to 1, since one of them is 7"]
+    );
 }
 
 #[test]
