@@ -3,7 +3,7 @@
 use super::{FileType, Foreign, MeshFormat, stl, text};
 
 /// The advice for files that contain a mesh.
-pub(super) const EXPORT: &str = "export the file as glTF or OBJ, with Blender for example";
+pub(super) const EXPORT: &str = "export the file as glTF or OBJ, for example with Blender or assimp";
 /// The advice for files in a program's own format, which few other programs read.
 pub(super) const OWN: &str = "export the file as glTF or OBJ from the program that made it";
 /// The advice for files of CAD programs. Such files describe curved surfaces without triangles.

@@ -333,7 +333,7 @@ fn what_a_command_cannot_read_is_refused_with_what_it_reads() {
         "the key `mesh` of an [[object]] accepts OBJ, PLY, STL and glTF, also as .gz",
         "`raycl run` reads experiments (TOML), such as configs/quick.toml",
     ];
-    let export = "; export the file as glTF or OBJ, with Blender for example";
+    let export = "; export the file as glTF or OBJ, for example with Blender or assimp";
     let [scene, mesh, experiment] = [Wanted::Scene, Wanted::Mesh, Wanted::Experiment];
     let foreign = "an FBX scene (ASCII), which raycl does not read";
     let run = format!("`raycl render a.x` renders this mesh; {}", reads[2]);
