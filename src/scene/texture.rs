@@ -65,6 +65,11 @@ impl Texture {
         let least = self.least_step();
         self.texels[..self.level_start(1)].iter().any(|texel| f64::from(texel >> 24) < least)
     }
+
+    /// Returns true if the alpha of all texels is 1.
+    pub(in crate::scene) fn is_opaque(&self) -> bool {
+        self.texels[..self.level_start(1)].iter().all(|texel| texel >> 24 == 0xff)
+    }
 }
 
 /// A triangle's texture coordinates: (0, 0) is the texture's upper left corner, (1, 1) the lower right one.

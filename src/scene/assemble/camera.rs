@@ -120,13 +120,9 @@ fn note_beside(camera: &Camera, mesh: &Mesh, aspect: f64) -> Option<String> {
     let corners: Vec<[f64; 3]> = corners
         .map(|corner| [camera.right, camera.up, camera.forward].map(|axis| corner.dot(axis.as_dvec3())))
         .collect();
-    let sides: [fn([f64; 3], f64, f64) -> bool; 4] = [
-        |[x, _, depth], tan, _| x > tan * depth,
-        |[x, _, depth], tan, _| -x > tan * depth,
-        |[_, y, depth], _, tan| y > tan * depth,
-        |[_, y, depth], _, tan| -y > tan * depth,
-    ];
-    let is_beside = sides.iter().any(|is_out| corners.iter().all(|corner| is_out(*corner, tan_x, tan_y)));
+    let all_beside =
+        |axis: usize, tan: f64, side: f64| corners.iter().all(|corner| side * corner[axis] > tan * corner[2]);
+    let is_beside = [-1.0, 1.0].iter().any(|side| all_beside(0, tan_x, *side) || all_beside(1, tan_y, *side));
     is_beside.then(|| {
         "the file's camera looks past the mesh: --azimuth 31 uses raycl's own camera instead".to_owned()
     })

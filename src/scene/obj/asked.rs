@@ -134,6 +134,11 @@ impl Asked {
         count.add(&shown_name(wish, keyword), 1);
     }
 
+    /// Removes the counts of one kind of feature.
+    pub fn remove(&mut self, wish: Wish) {
+        self.0.remove(&wish);
+    }
+
     /// Returns true if nothing was counted.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()

@@ -1,7 +1,8 @@
 //! Reads the base colours and the emitted light of glTF materials, and counts the materials' unsupported
 //! features.
 
-use super::textures::{colour_texture, emissive_is_apart, unsupported_options};
+use super::textures::{ColourMap, colour_texture, emissive_is_apart, unsupported_options};
+use crate::scene::Texture;
 use crate::scene::files::colours::is_outside;
 use crate::scene::material::{MAX_EMITTED, Material};
 use crate::scene::obj::{Asked, Wish};
@@ -193,6 +194,25 @@ fn asked(root: &Root, wire: &Wire) -> Asked {
         }
     }
     asked
+}
+
+/// Corrects what blended materials with opaque textures ask for, once the textures were read. `maps` has the texture of
+/// each material.
+pub(super) fn correct_blending(
+    root: &Root,
+    maps: &[Option<ColourMap>],
+    pictures: &[Texture],
+    asked: &mut [Asked],
+) {
+    for ((wire, map), asked) in root.materials.iter().zip(maps).zip(asked) {
+        let mask = map.and_then(|map| map.mask()).filter(|mask| pictures[*mask as usize].is_opaque());
+        if mask.is_some() && wire.alpha_mode == Checked::Valid(AlphaMode::Blend) {
+            asked.remove(Wish::Blending);
+            if stated_alpha(wire) < 1.0 {
+                asked.add(Wish::Transparency, b"alphaMode BLEND");
+            }
+        }
+    }
 }
 
 /// Returns how many of the materials with the indices `used` ask for light on both sides of their surfaces.

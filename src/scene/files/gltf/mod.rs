@@ -59,6 +59,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
     let files = Files { root: &root, buffers: &buffers, reach };
     files.keep_pictures();
     let (maps, unread) = files.colour_maps(&used, &mut materials.list[1..], &mut pictures, &mut notes);
+    materials::correct_blending(&root, &maps, &pictures.list, &mut materials.asked[1..]);
     let fallbacks = Fallbacks::of(&root, &used, &unread);
     notes.extend(fallbacks.note(quotes));
     // glTF orders readers to ignore colour profiles and animations of pictures (2.0, 3.8.2).

@@ -109,14 +109,16 @@ fn full_channel(property: &Property) -> f64 {
     }
 }
 
-/// Checks the range of the colour channels. `element` is the definition of the colours'
-/// elements, and `colours` returns the colours.
+/// Checks the range of the colour channels. `element` is the definition of the colours' elements, and `colours` returns
+/// the colours.
 ///
 /// Some programs write channels from 0 to 255 in the type `ushort`. If none of these channels is larger than 255, they
 /// would be almost black, so they count as numbers from 0 to 255, with a note. Colours are also almost black if
-/// channels of 10 bits or fewer are in the type `ushort`, or if no channel of other whole numbers is larger than
-/// 1. This causes only a note, and only if red, green and blue have the same range. Channels that are not whole numbers
-/// count as numbers from 0 to 255 if one of them is clearly above 1 ([`check_floats`]).
+/// channels of 10 bits or fewer are in the type `ushort`, or if all channels of other whole numbers are at most 1. This
+/// causes only a note, and only if red, green and blue have the same range.
+///
+/// Channels that are not whole numbers count as numbers from 0 to 255 if one of them is clearly above 1
+/// ([`check_floats`]).
 pub(super) fn check_range<'a>(
     element: &ElementDef,
     colours: impl FnOnce() -> Vec<&'a mut Colour>,

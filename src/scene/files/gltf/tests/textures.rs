@@ -5,8 +5,13 @@ use crate::scene::INPUTS;
 
 /// Returns a picture of one texel, which is white with an alpha of 0.7.
 fn png() -> Vec<u8> {
+    white(178)
+}
+
+/// Returns a picture of one white texel.
+fn white(alpha: u8) -> Vec<u8> {
     let mut png = Vec::new();
-    let picture = image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 255, 255, 178]));
+    let picture = image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 255, 255, alpha]));
     picture.write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
     png
 }
@@ -281,6 +286,24 @@ fn blending_makes_holes_where_a_point_or_of_a_faint_surface_its_texture_is_less_
     let (has_holes, notes) = of(0.0);
     assert!(!has_holes && !notes.contains("half opaque"), "{notes}");
     assert!(notes.contains("(alphaMode BLEND)") && notes.contains("every surface is opaque"), "{notes}");
+}
+
+#[test]
+fn blending_with_an_opaque_texture_is_noted_only_if_the_materials_own_alpha_is_below_1() {
+    let notes = |factor: f32, alpha: u8| {
+        let material = format!(
+            r#"{{"alphaMode": "BLEND", "pbrMetallicRoughness": {{"metallicFactor": 0,
+"baseColorFactor": [1, 1, 1, {factor}], "baseColorTexture": {{"index": 0}}}}}}"#
+        );
+        let text = textured(&material).replace(&STANDARD.encode(png()), &STANDARD.encode(white(alpha)));
+        read(&text).unwrap().notes.concat()
+    };
+    assert_eq!(notes(1.0, 255), "");
+    let opaque = "1 material asks for transparency (alphaMode BLEND), which raycl does not support: every surface is opaque";
+    for factor in [0.3, 0.7] {
+        assert_eq!(notes(factor, 255), opaque);
+    }
+    assert!(notes(1.0, 254).contains("half opaque"), "{}", notes(1.0, 254));
 }
 
 #[test]
