@@ -24,8 +24,8 @@ pub struct Args {
     before: PathBuf,
     /// The folder whose results are compared with those of BEFORE
     after: PathBuf,
-    /// Report a point as "same" if the whole 95% interval of the change of its time lies between a speed-up
-    /// and a slowdown of PERCENT
+    /// Report a point as "same" if its two times differ by at most PERCENT, whichever value in the 95% interval of
+    /// their ratio is the true one
     #[arg(long, value_name = "PERCENT", default_value_t = THRESHOLD_PERCENT, value_parser = percent)]
     threshold: f64,
     /// Compare the measured times themselves, not their ratios to another time. Without this option, raycl

@@ -14,7 +14,7 @@ use std::path::PathBuf;
   raycl man render | man -l -
   raycl man --out ~/.local/share/man/man1
 
-Packagers can write all pages with --out, and print completions with `raycl completions`. With --out, raycl also writes raycl.b3sum, a list by which it recognises its pages later; a package does not need this list.")]
+Packagers can write all pages with --out, and print completions with `raycl completions`. With --out, raycl also writes raycl.b3sum, a list by which raycl later recognises the pages that it wrote; a package does not need this list.")]
 pub struct Args {
     /// Print the page of this command; cache-clear stands for `raycl cache clear`. Not with --out [default: raycl
     /// itself]

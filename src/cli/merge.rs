@@ -23,27 +23,28 @@ pub struct Args {
     /// The folder that `raycl run --shard` wrote: the value of its option --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// Merge only the results of the devices that match NAME. NAME is a part of a device's description (the name that
-    /// the driver gives to the device, the device's common name as in raycl's tables, platform, driver and other
-    /// properties that affect times), a kind (cpu, gpu, accelerator), or all. A NAME of digits matches only if the
-    /// description has exactly this number: 1 does not match H100. Results of the baselines (ray casters on the host)
-    /// are always merged; with the NAME host, raycl merges only these results. If no NAME is host, and no NAME matches
-    /// a device on which a shard has begun, raycl merges nothing. Otherwise, for each NAME (except host) that matches
-    /// no such device, all points except the baselines count as missing. Not with --status [default: all devices on
-    /// which a shard has begun]
+    /// Merge only the results of the devices that match NAME. NAME is a kind (cpu, gpu, accelerator), all, or a part of
+    /// a device's description. The description contains the device's name, both as the driver states it and as raycl's
+    /// tables show it, the platform, the driver and other properties that affect times. If NAME is a number, it matches
+    /// only if the description contains this whole number: 1 does not match H100. Results of the baselines (ray casters
+    /// on the host) are always merged; with the NAME host, raycl merges only these results. If no NAME is host, and no
+    /// NAME matches a device on which a shard has begun, raycl merges nothing. If only some NAMEs match such a device,
+    /// then for each of the other NAMEs (except host), all points except the baselines count as missing. Not with
+    /// --status [default: all devices on which a shard has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard. A process in the state
-    /// `begun` has just started; if this state lasts, the process was probably killed when it started. A process in the
+    /// `begun` has just started; if it stays in this state, it was probably killed when it started. A process in the
     /// state `going` is measuring, or waits for a device. A process in the state `hung` has made no progress within the
     /// limit of `raycl run --hang-limit`. A process in the state `lost` no longer increases its counter; probably, the
     /// process was killed or its machine failed. A process in the state `launcher lost` has ended because the program
     /// that started the process has ended. The other states are `done`, `interrupted` and `failed`
     #[arg(long)]
     status: bool,
-    /// With --status, the number of seconds (2 to 3600) between two readings of the counter that each running process
-    /// increases once per second. The state of a process whose counter stays the same is `lost`, unless the process has
-    /// reported its end. A network file system may show old data for some time; choose SECONDS longer than this time
+    /// With --status, the time in seconds (2 to 3600) between two readings of the processes' counters. Each running
+    /// process increases its counter once per second. If a counter stays the same, the state of its process is `lost`,
+    /// unless the process has reported its end. A network file system may show old data for some time; choose SECONDS
+    /// longer than this time
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", conflicts_with_all = ["device", "quiet"], value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point instead of tables; with --status, one object per process

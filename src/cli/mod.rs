@@ -68,11 +68,11 @@ use guarded::{Guarded, Screen};
   raycl strategies                           axes of strategies with their values, and presets
   raycl kernel naive                         the source of one strategy
 
-`raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C (run, reproduce and noise: also by SIGTERM), 128 + N ended by the signal with the number N.
+`raycl help COMMAND` explains each command. The exit code is 0 if the command has succeeded, 1 if it has failed, 2 for a mistake in the arguments or files, 130 if Ctrl-C has stopped the command (for run, reproduce and noise: also if SIGTERM has), and 128 + N if signal number N has ended it.
 
-The file ~/.config/raycl/config.toml may contain your own defaults: device, color, and results (the folder for results). If XDG_CONFIG_HOME names a folder, the file is raycl/config.toml in this folder.
+The file ~/.config/raycl/config.toml may contain your own defaults: device, color, and results (the folder for results). If the environment variable XDG_CONFIG_HOME names a folder, the file is raycl/config.toml in that folder.
 
-The environment variables RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults, and options override the variables.")]
+The environment variables RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults. Options override both the variables and the defaults.")]
 pub struct Cli {
     /// When to use colours: auto (on a terminal, unless TERM is dumb), always or never [default: never if NO_COLOR is
     /// set and not empty, else the value of color in your settings, else auto]

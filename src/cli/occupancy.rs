@@ -38,11 +38,11 @@ pub struct Args {
     /// Local sizes (work-items per work-group, across and down), such as 8x8,64x1; 8 stands for 8x8
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values = LOCAL_SIZES, value_parser = parse_size)]
     local_sizes: Vec<[u32; 2]>,
-    /// Print the predicted occupancy and the measured time of the points of a run. raycl prints a point if
-    /// the point's record contains its kernel's number of registers and occupancy; with --compute-capability,
-    /// the number of registers is enough. Rasterisers are left out, since their main kernels have work-groups
-    /// of a fixed size. DIR is a folder of results, or the file records.jsonl in it. With --results, only
-    /// --compute-capability, --json and --color can be given
+    /// Print the predicted occupancy and the measured time of the points of a run. raycl prints a point only if its
+    /// record contains the occupancy of the point's kernel and the number of registers; with --compute-capability, the
+    /// number of registers is enough. Rasterisers are left out, since their main kernels have work-groups of a fixed
+    /// size. DIR is a folder of results, or the file records.jsonl in it. With --results, only --compute-capability,
+    /// --json and --color can be given
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
     /// For each local size, print three numbers of threads per multiprocessor. The first number is computed as in

@@ -76,19 +76,18 @@ pub struct Args {
     /// --devices without --samples implies --plain. Not with --device or --watch
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
-    /// With --devices: use all selected devices for which rows are left, even if one of them slows the frame down. If a
-    /// device cannot be prepared or fails, the command then fails too. Without this option, raycl leaves out devices
-    /// that slow the frame down, cannot be prepared or fail
+    /// With --devices: use all selected devices, even if one of them slows the frame down. If a device fails or cannot
+    /// be prepared, the command fails too. (A device still casts nothing if the frame has too few rows for all
+    /// devices.) Without this option, raycl leaves out devices that slow the frame down, fail or cannot be prepared
     #[arg(long, requires = "devices", conflicts_with_all = ["device", "watch", "layers", "adaptive", motion::MOVING])]
     every_device: bool,
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024. More samples make edges and soft shadows smoother. With most strategies, N samples
-    /// take about N times as long as one. With strategies that cast tiles on a CPU, 16 samples take only 6 to 9 times as
-    /// long, unless the scene has a sky or soft shadows.
-    /// The samples' positions are distributed like a Blackman-Harris filter 1.5 pixels wide [default: 1; with
-    /// --adaptive, 16; for a bare mesh without --adaptive, --plain or --devices, 6 where neighbouring pixels differ and
-    /// 1 elsewhere]
+    /// take about N times as long as one. With strategies that cast tiles on a CPU, 16 samples take only 6 to 9 times
+    /// as long, unless the scene has a sky or soft shadows. The samples' positions are distributed like the weights of
+    /// a Blackman-Harris filter that is 1.5 pixels wide [default: 1; with --adaptive, 16. For a bare mesh without
+    /// --adaptive, --plain or --devices: 6 where neighbouring pixels differ, and 1 elsewhere]
     #[arg(long, value_parser = whole::<u32>(1..=1024))]
     samples: Option<u32>,
     /// Cast one sixteenth of the samples (rounded up) for every pixel, and the other samples only where neighbouring
@@ -96,8 +95,9 @@ pub struct Args {
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
     /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If the number is above 1, the first
-    /// cast warms up the device: raycl leaves out the time of this cast, and casts the frame once more. A first cast of
-    /// more than a second counts, however. With --devices, each device always casts the frame once more, to warm up
+    /// cast warms up the device: raycl leaves out the time of this cast, and casts the frame once more. But if the
+    /// first cast takes more than a second, raycl keeps its time and casts no additional frame. With --devices, each
+    /// device always casts the frame once more, to warm up
     #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it

@@ -40,8 +40,9 @@ pub struct Args {
     /// Measure only cases whose name contains WORD
     #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
-    /// Number of rounds, 1 to 100. In each round, raycl times every candidate strategy once, except candidates that the
-    /// device refuses, and exhaustive casting if there are many triangles. raycl uses a candidate's shortest time
+    /// Number of rounds, 1 to 100. In each round, raycl times every candidate strategy once. raycl leaves out
+    /// candidates that the device refuses and, if the scene has many triangles, exhaustive casting. The shortest of a
+    /// candidate's times counts
     #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = whole::<u32>(1..=100))]
     rounds: u32,
     /// If another process is measuring on the device, end at once instead of waiting for it
@@ -53,7 +54,7 @@ pub struct Args {
     /// Write the measurements (the sweep) to this file; - writes them to standard output, without the table
     #[arg(short, long, value_name = "FILE", conflicts_with_all = ["fit", "show"])]
     output: Option<PathBuf>,
-    /// Compute the constants of the rule by which `render` chooses a strategy, from stored measurements (sweeps), and
+    /// From stored measurements (sweeps), compute the constants of the rule by which `render` chooses a strategy, and
     /// print the constants as source code
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with_all = ["cases", "show"])]
     fit: Vec<PathBuf>,

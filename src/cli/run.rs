@@ -70,9 +70,9 @@ The exit code is 0 if no point has failed. It is 1 if a point has failed, if --f
 pub struct Args {
     /// The config: a TOML file that describes the experiment
     config: PathBuf,
-    /// The folder of results [default: results/NAME, where NAME is the name of the config's file without
-    /// .toml; if this folder exists, results/NAME-N with the next number N; with --resume, the latest of
-    /// these folders; your settings may name another folder than results]
+    /// The folder of results [default: results/NAME, where NAME is the name of the config's file without .toml; if this
+    /// folder exists, results/NAME-2, then results/NAME-3 and so on. With --resume: the latest of these folders. Your
+    /// settings may name another folder instead of results]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write into the folder of --out even if it contains files that raycl did not write. Existing results are kept
@@ -90,8 +90,8 @@ pub struct Args {
     /// other programs or other points were using the memory that these points need
     #[arg(long, requires = "resume")]
     pub(super) retry_failed: bool,
-    /// Time limit in seconds for each of these steps: opening a device, building a point's kernels and casting its
-    /// first image, casting a later frame
+    /// Time limit in seconds for each of three steps: (1) to open a device, (2) to build a point's kernels and cast the
+    /// point's first image, (3) to cast one of the point's later frames
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
     /// Distribute the points over several devices of the same model, instead of measuring every point on every device.
@@ -108,7 +108,7 @@ pub struct Args {
     pub(super) no_wait: bool,
     /// Measure nothing; print every point, whether it fits on its device, and how much __local, __constant and scratch
     /// memory it needs. (Scratch memory is global memory for working vectors.) With --json, also print how much private
-    /// and other global memory the point needs. With --resume, also print which points are done
+    /// memory and how much other global memory the point needs. With --resume, also print which points are done
     #[arg(long)]
     dry_run: bool,
     /// Change a value of the config; may be given several times

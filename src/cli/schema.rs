@@ -10,7 +10,7 @@ use crate::{config, record, scene};
   raycl schema config > config.schema.json
   raycl schema record > record.schema.json
 
-If the first line of a TOML file is `#:schema PATH`, where PATH is the schema's path relative to the TOML file, editors with support for JSON schemas (Even Better TOML, Taplo, Tombi) complete and check the file. raycl itself ignores this line. raycl's repository has all schemas in docs/schemas. The schema of records describes the type of each field of records.jsonl.")]
+If the first line of a TOML file is `#:schema PATH`, where PATH is the schema's path relative to the TOML file, editors that support JSON schemas (with Even Better TOML, Taplo or Tombi) complete and check the file. raycl itself ignores this line. raycl's repository has all schemas in docs/schemas. The schema of records describes the type of each field of records.jsonl.")]
 pub struct Args {
     /// The files that the schema describes
     #[arg(value_name = "WHAT")]

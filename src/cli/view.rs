@@ -34,7 +34,7 @@ pub struct Args {
     /// Move the camera around the scene by one degree per frame
     #[arg(long)]
     spin: bool,
-    /// End after this many frames, or earlier if each pixel has the number of samples that --samples states
+    /// End after this many frames, or earlier, as soon as each pixel has the number of samples that --samples states
     #[arg(long, value_parser = whole::<u32>(1..=u32::MAX))]
     frames: Option<u32>,
     /// End after this many seconds

@@ -19,10 +19,9 @@ pub struct Look {
     /// The axis that points up, in a bare mesh or for the camera of a scene file
     #[arg(long, help_heading = HEADING, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
-    /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh
-    /// without a camera, or if only --elevation is given: about 31; for a room that is open on one
-    /// side, the angle at which the view is through the open side; for the scan of one side of an object, the angle of
-    /// this side]
+    /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh without a
+    /// camera, or if only --elevation is given: about 31. A room without one of its walls is then shown through this
+    /// missing wall instead, and a scan of one side of an object from the scanned side]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     azimuth: Option<f64>,
     /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh without a
