@@ -35,13 +35,13 @@ pub struct Args {
     /// times
     #[arg(long)]
     times: bool,
-    /// Exit with code 1 if it is statistically significant that AFTER is slower than BEFORE by more than
-    /// PERCENT. raycl tests each point, the mean of each strategy's points, and the mean of all points except
-    /// baselines (ray casters that do not use OpenCL). Also exit with code 1 if a point was measured in BEFORE
-    /// but could not be measured in AFTER. A point is not tested if AFTER has no record of it; a note names up to
-    /// four such points. Points whose change is unknown (such as those with the verdict "not comparable") are not
-    /// tested either. If both folders contain times of the same program, about one comparison in 50 exits with
-    /// code 1 by chance (up to one in 25 with two launches)
+    /// Exit with code 1 if it is statistically significant that AFTER is slower than BEFORE by more than PERCENT. raycl
+    /// tests each point, the mean of each strategy's points, and the mean of all points except baselines (ray casters
+    /// that do not use OpenCL). Also exit with code 1 if a point was measured in BEFORE but could not be measured in
+    /// AFTER. A point is not tested if AFTER has no record of it; a note names up to four such points. Points whose
+    /// change is unknown (such as those with the verdict "not comparable") are not tested either. Even if both folders
+    /// contain times of the same program, about one comparison in 50 exits with code 1 by chance (with two launches, up
+    /// to one in 25)
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots to this folder

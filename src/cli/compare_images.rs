@@ -19,7 +19,8 @@ use std::path::PathBuf;
   raycl compare-images teapot.png reference.png --fail-below 40
   raycl render teapot.toml -o - --quiet | raycl compare-images - reference.png")]
 pub struct Args {
-    /// The picture to check: .png or .jpg (displayed values), .exr or .hdr (linear radiance); - reads standard input
+    /// The picture to check: .png or .jpg (displayed values), .exr or .hdr (linear radiance); - stands for standard
+    /// input
     found: PathBuf,
     /// The expected picture, with which FOUND (the picture to check) is compared. Both pictures should have the
     /// same kind of values: displayed values (.png, .jpg) or radiance (.exr, .hdr). One of the two pictures may

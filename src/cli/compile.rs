@@ -29,10 +29,9 @@ Each strategy gets a folder inside the folder of --out, with these files: source
 
 The compiler's line table assigns instructions to source lines. If there is no line table, raycl counts the instructions of each part of the kernel instead. In PTX and SASS, a part is the code from one label to the next; on a CPU, a part is a function. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, microscope.html also shows the machine code (SASS) that ptxas generates; the GPU's driver may generate different machine code. The table that `raycl compile` prints shows the number of registers only if the compiler prints it, and the number of memory instructions only if the program's binary is PTX.")]
 pub struct Args {
-    /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which
-    /// parts of the kernels are compiled. The scene's mesh and materials determine the sizes of stacks and of
-    /// some __local arrays. For a bare mesh, the kernels are compiled as for `raycl render --plain --samples
-    /// 1`
+    /// The scene: a scene file (TOML) or a bare mesh (a mesh file). The scene's features, such as textures and a sky,
+    /// determine which parts of the kernels are compiled. The scene's mesh and materials determine the sizes of stacks
+    /// and of some __local arrays. For a bare mesh, the kernels are compiled as for `raycl render --plain --samples 1`
     pub(super) scene: PathBuf,
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). The option may
     /// be given several times. If one strategy's program cannot be built, raycl still builds the others

@@ -23,7 +23,7 @@ use title::{Title, foot};
   raycl kernel tile --device cpu --scene scenes/teapot.toml
   raycl kernel naive --cl-dir my-cl --canonical > edited.txt
 
-The output is OpenCL C without #if conditions and without the macros of the kernel files. The compiler makes the same program from this output as from the text that raycl compiles. If a number has a name in the kernel files, a comment beside the number states the name. A device's compiler also defines macros of its own. If an #if condition uses such a macro, raycl asks the compiler of --device for the macro's value; without --device, the macro is treated as undefined.")]
+The output is OpenCL C without #if conditions and without the macros of the kernel files. The compiler makes the same program from this output as from the text that raycl compiles. If a number in the output has a name in the kernel files, a comment beside the number states this name. A device's compiler also defines macros of its own. If an #if condition uses such a macro, raycl asks the compiler of --device for the macro's value; without --device, the macro is treated as undefined.")]
 pub struct Args {
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
@@ -38,10 +38,10 @@ pub struct Args {
     /// the first usable one in the order of `raycl devices` [default: no particular device]
     #[arg(long)]
     device: Option<String>,
-    /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which
-    /// parts of the kernels are compiled. The scene's mesh and materials determine the sizes of stacks and of
-    /// some __local arrays. For a bare mesh, the kernels are compiled as for `raycl render --plain --samples
-    /// 1` [default: a small scene]
+    /// The scene: a scene file (TOML) or a bare mesh (a mesh file). The scene's features, such as textures and a sky,
+    /// determine which parts of the kernels are compiled. The scene's mesh and materials determine the sizes of stacks
+    /// and of some __local arrays. For a bare mesh, the kernels are compiled as for `raycl render --plain --samples 1`
+    /// [default: a small scene]
     #[arg(long, value_name = "FILE")]
     pub(super) scene: Option<PathBuf>,
     /// Also print the functions, types and variables that the kernels of a frame with one sample per pixel do not need

@@ -18,7 +18,7 @@ use std::path::Path;
   raycl noise --device nvidia
   raycl noise --device cpu --set timing.time_limit_ms=2000 --json
 
-For each device, the command prints the smallest difference that one launch can show, and the smallest difference that all launches together can show. A launch is one measurement of the whole experiment by new worker processes. Times differ more between launches than within one launch.")]
+For each device, the command prints the smallest difference between two times that one launch can show, and the smallest that all launches together can show. A launch is one measurement of the whole experiment by new worker processes. Times differ more between launches than within one launch.")]
 pub struct Args {
     /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a label in `raycl
     /// devices`; a kind (cpu, gpu, accelerator); or all [default: the devices in RAYCL_DEVICE or your settings, else

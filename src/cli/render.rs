@@ -60,12 +60,12 @@ pub struct Args {
     #[command(flatten)]
     pub(super) subject: Subject,
     /// Where to save the picture: .png, .jpg, .exr or .hdr; - writes a PNG to standard output [default: the name of the
-    /// scene's file, with the extension .png; picture.png for a scene from standard input]
+    /// scene's file, with the extension .png; for a scene from standard input, picture.png]
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Also write layers: depth, normals, base colour, triangle and object numbers, and the numbers of triangle tests
-    /// and visited tree nodes per pixel. NAME.exr gets all layers. For NAME.png, each layer gets a file of its own,
-    /// such as NAME-depth.png. Not with --devices, --turntable or --animate
+    /// Also write layers. For each pixel, they contain depth, normal and base colour, the numbers of the triangle and
+    /// the object, and the counts of triangle tests and visited tree nodes. NAME.exr gets all layers. For NAME.png,
+    /// each layer gets a file of its own, such as NAME-depth.png. Not with --devices, --turntable or --animate
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,
     /// Replace existing files even if they were not written by raycl, or were changed after raycl wrote them

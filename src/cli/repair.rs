@@ -21,7 +21,7 @@ const BETWEEN: Duration = Duration::from_secs(5);
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   raycl repair results/quick
-  raycl run configs/quick.toml --resume      measures the damaged points again
+  raycl run configs/quick.toml --resume      measures the points of the removed lines again
   raycl repair /shared/figure-8              also repairs the results of each shard of an experiment")]
 pub struct Args {
     /// The folder of results that `raycl run` or `raycl run --shard` wrote

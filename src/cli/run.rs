@@ -78,9 +78,9 @@ pub struct Args {
     /// Write into the folder of --out even if it contains files that raycl did not write. Existing results are kept
     #[arg(long, requires = "out")]
     pub(super) force: bool,
-    /// The devices to use instead of the config's devices: part of a name, platform or vendor; a label in `raycl
-    /// devices`; a kind (cpu, gpu, accelerator); or all [default if the config names no devices: the devices in
-    /// RAYCL_DEVICE or your settings, else all]
+    /// Measure on the devices that NAME selects, instead of the config's devices. NAME is part of a device's name,
+    /// platform or vendor; a label in `raycl devices`; a kind (cpu, gpu, accelerator); or all [default if the config
+    /// names no devices: the devices in RAYCL_DEVICE or your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Continue an interrupted run: keep its measurements and measure the missing points
@@ -99,8 +99,8 @@ pub struct Args {
     #[arg(long)]
     spread: bool,
     /// Also report the speed as a share of the device's peak rates. raycl reads the peak rates from FILE, written by
-    /// `raycl peak --out`. Without FILE, raycl measures the peak rates first; with --resume, only if the results lack
-    /// the rates of a device
+    /// `raycl peak --out`. Without FILE, raycl measures the peak rates first (with --resume, only if the results lack
+    /// the rates of a device)
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
     pub(super) peak: Option<Option<PathBuf>>,
     /// If another process is measuring on a selected device, end at once instead of waiting for it

@@ -23,8 +23,8 @@ const PLAIN_SCENE: &str =
 /// A scene, and the options for casting it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Subject {
-    /// A scene file (TOML), or a bare mesh (OBJ, PLY, STL, glTF or GLB, also compressed as .gz); - reads
-    /// standard input
+    /// A scene file (TOML), or a bare mesh (OBJ, PLY, STL, glTF or GLB, also compressed as .gz); - stands for standard
+    /// input
     pub scene: PathBuf,
     /// Pixels across, 1 to 65,536
     #[arg(long, default_value_t = 1280, value_parser = whole::<u32>(1..=65536))]

@@ -34,12 +34,12 @@ pub struct Look {
     /// channel; `raycl view` shows a transparent background as black
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
-    /// Make the picture brighter or darker: radiance is multiplied by this number before it is displayed
-    /// [default: 15, as in the student paper whose experiments raycl repeats; a scene file may set another]
+    /// Make the picture brighter or darker: radiance is multiplied by this number before it is displayed [default: 15,
+    /// as in the student paper whose experiments raycl repeats; a scene file may set another factor]
     #[arg(long, help_heading = HEADING, value_name = "FACTOR", value_parser = number::<f64>(FACTOR))]
     exposure: Option<f64>,
     /// The tone curve: clip shows all values above white as white; filmic adds contrast in dark parts, and still shows
-    /// differences in bright parts [default: clip; a scene file may set another]
+    /// differences in bright parts [default: clip; a scene file may set another curve]
     #[arg(long, help_heading = HEADING, value_name = "CURVE", value_parser = Tone::NAMES)]
     tone: Option<String>,
     /// For meshes without normals: keep an edge sharp if the normals of its two faces differ by more than DEGREES, 0 to
