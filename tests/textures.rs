@@ -74,7 +74,7 @@ fn every_family_that_takes_textures_agrees_with_the_reference() {
     let folder = room(MTL);
     let (expected, said) = folder.picture(&[]);
     // The only notes on textures concern the floor: the path of its picture, and its black.
-    has(&said, &["for 1 texture, another file may be meant", "Kd 0 0 0 beside map_Kd counts as Kd 1 1 1"]);
+    has(&said, &["for 1 texture, another file may be meant", "Kd 0 0 0 beside map_Kd is read as Kd 1 1 1"]);
     assert_eq!(said.lines().filter(|line| line.contains("texture")).count(), 2, "{said}");
     let shown = expected.pixels().map(|pixel| pixel.0).collect::<std::collections::BTreeSet<_>>().len();
     assert!(shown > 300, "{shown} colours");

@@ -14,8 +14,8 @@ use std::io::IsTerminal as _;
 use std::time::Duration;
 
 /// The note on a view that neither a key nor a limit can end.
-const ENDLESS: &str =
-    "note: without a terminal, no keys are read: Ctrl-C ends the view; --frames or --seconds would limit it";
+const ENDLESS: &str = "note: without a terminal, no keys are read: Ctrl-C ends the view; with --frames or --seconds, \
+                       the view ends by itself";
 
 /// Arguments of `raycl view`.
 #[derive(Debug, clap::Args)]

@@ -86,13 +86,13 @@ pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
         .filter(|aspect| *aspect != 1.0)
         .map(|aspect| format!("states a pixel aspect ratio of {aspect}, which raycl ignores"));
     let gamma = hdr_gamma(bytes).filter(|gamma| *gamma != 1.0).map(|gamma| {
-        format!("states GAMMA={gamma}, which raycl ignores: the picture's values count as linear light")
+        format!("states GAMMA={gamma}, which raycl ignores: the picture's values are read as linear light")
     });
     let luminance =
         header.and_then(|header| header.own_attributes.white_luminance).filter(|stated| *stated != 1.0);
     let luminance = luminance.map(|stated| {
         format!(
-            "states that white is {stated} cd/m2, which raycl ignores: the picture's values count as radiance"
+            "states that white is {stated} cd/m2, which raycl ignores: the picture's values are read as radiance"
         )
     });
     let view = hdr_view(bytes).map(|view| {
@@ -245,7 +245,7 @@ mod tests {
     #[test]
     fn a_pixel_aspect_ratio_a_gamma_a_view_and_a_luminance_are_remarked() {
         let aspect = "states a pixel aspect ratio of 2, which raycl ignores";
-        let gamma = "states GAMMA=2.2, which raycl ignores: the picture's values count as linear light";
+        let gamma = "states GAMMA=2.2, which raycl ignores: the picture's values are read as linear light";
         assert_eq!(header_remarks(&hdr("PIXASPECT=2\n")), [aspect]);
         assert_eq!(header_remarks(&hdr("PIXASPECT=2\nGAMMA= 2.2\n")), [aspect, gamma]);
         assert_eq!(header_remarks(&hdr("PIXASPECT=1\nGAMMA=1.0\n")), [""; 0]);
@@ -259,7 +259,7 @@ mod tests {
         let mut bytes = Cursor::new(Vec::new());
         image.write().to_buffered(&mut bytes).unwrap();
         let luminance =
-            "states that white is 100 cd/m2, which raycl ignores: the picture's values count as radiance";
+            "states that white is 100 cd/m2, which raycl ignores: the picture's values are read as radiance";
         assert_eq!(header_remarks(bytes.get_ref()), [aspect, luminance]);
     }
 

@@ -73,7 +73,8 @@ fn kernel_for_rays(setup: &Setup<'_>) -> Result<&'static manifest::Kernel, Launc
     }
     if setup.strategy.intersector.counts_in_pixels() {
         return Err(LaunchError::GivenRays(
-            "ray-triangle tests with planes that depend on a pixel's position suit only a camera's rays",
+            "ray-triangle tests whose planes are functions of a pixel's position can be used only with \
+             rays of a camera",
         ));
     }
     setup.kernel_for(Role::Rays)

@@ -234,8 +234,8 @@ fn not_displayed(document: &Document, colour: [u8; 3], radiance: Vec3, display: 
         let [wanted, shown] = [colour, shown].map(name);
         let Display { exposure, tone, gamma } = display;
         format!(
-            "{}: the background {wanted} is displayed as {shown}: no radiance that a background may have is displayed as \
-             {wanted} with display.exposure = {exposure:?}, display.gamma = {gamma:?} and display.tone = {:?}",
+            "{}: the background is displayed as {shown}, not as {wanted}: with display.exposure = {exposure:?}, \
+             display.gamma = {gamma:?} and display.tone = {:?}, no allowed radiance of a background is displayed as {wanted}",
             document.name,
             tone.name()
         )

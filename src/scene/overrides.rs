@@ -72,7 +72,7 @@ fn refuse_camera_after_angle(settings: &[Setting]) -> Result<()> {
     else {
         return Ok(());
     };
-    let message = format!("'{}' replaces the whole camera, and so this angle", camera.origin);
+    let message = format!("'{}' replaces the whole camera, and with it this angle", camera.origin);
     Err(angle
         .error(message)
         .with_help("set the camera's other values one by one, for example camera.fov_y_degrees"))
@@ -245,8 +245,7 @@ mod tests {
         let angle = one("camera.azimuth_degrees");
         assert_eq!(applied(&[angle.clone(), one("camera.look_at"), one("camera.up")]), Ok(()));
         assert_eq!(applied(&[camera("up"), angle.clone()]), Ok(()));
-        let expected =
-            "camera.azimuth_degrees = 1: 'camera = { up = 1 }' replaces the whole camera, and so this angle";
+        let expected = "camera.azimuth_degrees = 1: 'camera = { up = 1 }' replaces the whole camera, and with it this angle";
         assert_eq!(applied(&[angle, camera("up")]), Err(expected.to_owned()));
     }
 

@@ -209,8 +209,8 @@ fn check_material(material: &Material) -> Result<()> {
     let most = MAX_REFLECTANCE.max(MAX_SHININESS);
     require(numbers.iter().all(|value| (0.0..=most).contains(value)), || {
         format!(
-            "a material has the values {numbers:?} (three of k_L, three of k_G, shininess, and 1 with a highlight, \
-             else 0); expected values from 0 to {most:e}"
+            "a material has the values {numbers:?} (three for k_L, three for k_G, the shininess, and 1 if the \
+             material has a highlight, otherwise 0); expected values from 0 to {most:e}"
         )
     })?;
     let emitted = material.emitted;

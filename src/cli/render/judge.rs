@@ -195,8 +195,8 @@ fn wrong_counts(
     let (at, expected) = *wrong.first()?;
     let ([x, y], blocks) = (at, counted(wrong.len(), "block"));
     Some(format!(
-        "the number of samples per pixel of {blocks} is wrong; the first, at pixel ({x}, {y}), has {} and should have \
-         {expected}, since its pixels {} visibly after {}",
+        "the number of samples per pixel is wrong in {blocks}; the first block, at pixel ({x}, {y}), has {} and \
+         should have {expected}, since its pixels {} visibly after {}",
         counts.at(at),
         if expected == sampling.most { "differ" } else { "do not differ" },
         counted(sampling.first as usize, "sample"),
@@ -421,7 +421,7 @@ mod tests {
                 (-1.0, "has 4 and should have 1, since its pixels do not differ visibly after 1 sample"),
             ] {
                 let message = judged(limit, some).expect_err("a wrong picture");
-                let start = "the picture is wrong: the number of samples per pixel of ";
+                let start = "the picture is wrong: the number of samples per pixel is wrong in ";
                 assert!(message.starts_with(start) && message.ends_with(end), "{message}");
             }
         }

@@ -134,7 +134,7 @@ fn note_aspect(stated: f32, own: f64) -> Option<String> {
     let differs = (f64::from(stated) / own - 1.0).abs() > 0.01;
     differs.then(|| {
         format!(
-            "the camera's aspectRatio of {stated} is not used: the picture's is {own:.3} (set by --width and --height)"
+            "the camera's aspectRatio of {stated} is not used: the picture's aspect ratio is {own:.3} (set by --width and --height)"
         )
     })
 }
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn the_aspect_ratio_of_a_files_camera_is_noted_if_the_pictures_have_another() {
-        let note = "the camera's aspectRatio of 1.5 is not used: the picture's is 1.778 (set by --width and --height)";
+        let note = "the camera's aspectRatio of 1.5 is not used: the picture's aspect ratio is 1.778 (set by --width and --height)";
         assert_eq!(note_aspect(1.5, 16.0 / 9.0).as_deref(), Some(note));
         assert_eq!(note_aspect(1.777_777_8, 1920.0 / 1080.0), None);
         assert_eq!(note_aspect(1.5, 1.5 * 1.009), None);

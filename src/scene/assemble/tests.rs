@@ -464,8 +464,8 @@ fn a_background_that_is_not_displayed_as_it_is_written_is_noted() {
         notes.into_iter().find(|note| note.contains("the background #")).unwrap_or_default()
     };
     let black = note("background = \"white\"\ndisplay.exposure = 0\n");
-    let start = "the background #ffffff is displayed as #000000: no radiance that a background may have is displayed ";
-    let rest = "as #ffffff with display.exposure = 0.0, display.gamma = 2.2 and display.tone = \"clip\"";
+    let start = "the background is displayed as #000000, not as #ffffff: with display.exposure = 0.0, display.gamma = 2.2 ";
+    let rest = "and display.tone = \"clip\", no allowed radiance of a background is displayed as #ffffff";
     assert!(black.contains(&format!("{start}{rest}")), "{black}");
     // White would need a radiance of 1e30, which exceeds the limit for backgrounds. The dark grey #202020
     // would need a radiance that rounds to 0 in single precision.
@@ -652,7 +652,7 @@ fn a_note_names_an_object_that_is_too_far_from_the_others_for_single_precision()
         notes
     };
     let [note] = &notes("2e8", 10)[..] else { panic!("{:?}", notes("2e8", 10)) };
-    let expected = "a.toml:4: 80 of 80 triangles are shown with inexact shapes: so far from the origin, they are too small";
+    let expected = "a.toml:4: 80 of 80 triangles are shown with inexact shapes: at their distance from the origin, they are too small";
     assert!(note.contains(expected), "{note}");
     assert_eq!([notes("2e8", 10_000_000), notes("200", 10)], [[""; 0]; 2]);
 }

@@ -330,8 +330,8 @@ pub(super) fn are_coarse<T>(triangles: &[T], corners: impl Fn(&T) -> [Vec3; 3]) 
 pub(super) fn note_coarse(triangles: &[Triangle], exact: &[DVec3]) -> Option<String> {
     let corners = |triangle: &Triangle| triangle.positions.map(|index| exact[index as usize].as_vec3());
     are_coarse(triangles, corners).then(|| {
-        "the file stores positions in single precision, which is coarse so far from the origin: the shapes of most \
-         triangles may be inexact"
+        "the file stores positions in single precision, which is coarse for such large coordinates: the shapes of \
+         most triangles may be inexact"
             .to_owned()
     })
 }
@@ -355,7 +355,7 @@ pub(in crate::scene) fn note_rounded(triangles: &[Triangle], exact: impl Fn(u32)
 fn inexact_shapes(count: usize, triangles: &[Triangle]) -> String {
     let are = counted_of_are(count, triangles.len(), "triangle");
     format!(
-        "{are} shown with inexact shapes: so far from the origin, they are too small for single precision"
+        "{are} shown with inexact shapes: at their distance from the origin, they are too small for single precision"
     )
 }
 

@@ -402,7 +402,7 @@ mod tests {
             }
         }
         let expected = [
-            "colour space of 1 texture is not used (image 0: gAMA 1): values count as sRGB",
+            "colour space of 1 texture is not used (image 0: gAMA 1): values are read as sRGB",
             "orientation of 1 texture is not used (image 1: Exif 3): the picture is neither turned nor mirrored",
             "animation of 1 texture is not used (image 2): only one picture is shown",
         ];

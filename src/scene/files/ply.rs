@@ -108,7 +108,8 @@ fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     let what = what.split_once(": ").map_or(what, |(_, what)| what).trim_end_matches(['.', ':']);
     // The first line of some messages contains a name from the header, so every message is treated as a
     // quotation of the file.
-    let flaw = Flaw::quoting(what, "not valid PLY; expected a header, and elements as it defines them");
+    let flaw =
+        Flaw::quoting(what, "not valid PLY; expected a header, and elements as the header defines them");
     match line {
         Some(line) => flaw.at(line),
         None => flaw,

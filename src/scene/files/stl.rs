@@ -522,7 +522,7 @@ mod tests {
     #[test]
     fn facets_whose_normal_contradicts_the_corners_are_counted() {
         const COUNTS: &str =
-            "a normal that contradicts the order of the corners; the order of the corners counts";
+            "a normal that contradicts the order of the corners; this order decides which side is the front";
         let one = vec![format!("1 facet states {COUNTS}")];
         let two = vec![format!("2 facets state {COUNTS}")];
         let down = |text: &str| text.replacen("normal 0 0 1", "normal 0 0 -1", 1);

@@ -292,8 +292,8 @@ fn triangles_that_single_precision_distorts_are_counted_in_every_format() {
         let triangles = [["0 0 0", "1 0 0", "0 1 0"], [&a, &b, &c], [&a, &c, &b]];
         in_three_formats(&triangles).map(|(format, text)| parse(format, text.as_bytes()).unwrap().notes)
     };
-    let note = "2 of 3 triangles are shown with inexact shapes: so far from the origin, they are too small for single \
-                precision";
+    let note = "2 of 3 triangles are shown with inexact shapes: at their distance from the origin, they are too small for \
+                single precision";
     assert_eq!(notes(".4", "5400000"), [[note]; 3]);
     // Single precision stores these corners exactly, or nearly so.
     assert_eq!(notes(".4", "54"), [[""; 0]; 3]);

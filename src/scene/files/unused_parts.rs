@@ -21,7 +21,7 @@ impl Part {
     fn words(self) -> (&'static str, &'static str, &'static str) {
         let (what, instead) = match self {
             Self::Data => return ("data", "is damaged", "some texels are probably wrong"),
-            Self::ColourSpace => ("colour space", "values count as sRGB"),
+            Self::ColourSpace => ("colour space", "values are read as sRGB"),
             Self::Orientation => ("orientation", "the picture is neither turned nor mirrored"),
             Self::Animation => ("animation", "only one picture is shown"),
             Self::FourthChannel => ("fourth channel", "it does not count as alpha"),
@@ -69,13 +69,13 @@ mod tests {
         unused.add(Part::ColourSpace, "`c.png`".to_owned(), "gAMA 1");
         unused.add(Part::Data, "`d.jpg`".to_owned(), "");
         let expected = [
-            "colour space of 1 texture is not used (`c.png`: gAMA 1): values count as sRGB",
+            "colour space of 1 texture is not used (`c.png`: gAMA 1): values are read as sRGB",
             "data of 1 texture is damaged (`d.jpg`): some texels are probably wrong",
             "alpha of 2 textures is not used (for example `a.png`): without a map_d, a surface has no holes",
         ];
         assert_eq!(unused.notes(true, &[]).collect::<Vec<_>>(), expected);
         let first = unused.notes(false, &[]).next();
-        assert_eq!(first.as_deref(), Some("colour space of 1 texture is not used: values count as sRGB"));
+        assert_eq!(first.as_deref(), Some("colour space of 1 texture is not used: values are read as sRGB"));
         assert_eq!(unused.notes(true, &[Part::ColourSpace]).collect::<Vec<_>>(), expected[1..]);
     }
 }

@@ -439,7 +439,7 @@ fn note_black(maps: &[Maps], loaded: &[Loaded<'_>], notes: &mut Vec<String>) {
     for (key, count) in [("Kd", count(0, |maps| &maps.colour)), ("Ke", count(2, |maps| &maps.emission))] {
         let note = || {
             format!(
-                "{key} 0 0 0 beside map_{key} counts as {key} 1 1 1, since black would hide the texture ({})",
+                "{key} 0 0 0 beside map_{key} is read as {key} 1 1 1, since black would hide the texture ({})",
                 counted(count, "material")
             )
         };

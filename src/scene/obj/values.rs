@@ -110,7 +110,7 @@ const LEAST_OF_BYTES: f32 = 16.0;
 
 /// What raycl does with lines for which [`is_bright`] returns true.
 pub(super) const BRIGHT: &str =
-    "a Kd or Ks of 16 or more counts as a reflectance (1 is white), not as a channel from 0 to 255";
+    "a Kd or Ks of 16 or more is read as a reflectance (1 is white), not as a channel from 0 to 255";
 
 /// Returns true if a line with `Kd` or `Ks` has a value that is probably meant as a channel from 0 to 255.
 pub(super) fn is_bright(key: &[u8], rest: &[u8]) -> bool {

@@ -177,7 +177,7 @@ impl LeftOut {
             (
                 self.odd_influences,
                 "vertex with joints or weights that are not valid",
-                "placed by the valid joints or, without any, by the skin's first valid joint",
+                "placed by the valid joints or, if no joint of a vertex is valid, by the skin's first valid joint",
             ),
             (
                 self.odd_sums,
@@ -209,7 +209,7 @@ impl LeftOut {
                 self.coarse_shapes,
                 "primitive with coarse positions",
                 "shown with triangles that may have inexact shapes: the file stores positions in single precision, \
-                 which is coarse so far from 0",
+                 which is coarse for such large coordinates",
             ),
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),

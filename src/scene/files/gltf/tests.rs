@@ -774,7 +774,7 @@ fn a_camera_whose_values_are_not_valid_is_noted() {
     // The numbers are in radians: 3.1415 is 179.995 degrees, and 1.7e-5 is 0.00097 degrees.
     for yfov in ["3.5", "3.1415", "0.000017", "0", "-1"] {
         let note = format!(
-            "the camera's yfov of {yfov} radians is not between 0.001 and 179.99 degrees: it counts as 45 degrees"
+            "the camera's yfov of {yfov} radians is not between 0.001 and 179.99 degrees: raycl uses 45 degrees instead"
         );
         let expected = (true, vec![note, unseen.clone()], Vec::new());
         assert_eq!(with("perspective", yfov, "[1, 1, 1]"), expected, "{yfov}");

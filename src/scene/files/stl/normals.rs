@@ -49,6 +49,6 @@ pub(super) fn note(count: usize) -> Option<String> {
     let facets = counted(count, "facet");
     let verb = if count == 1 { "states" } else { "state" };
     (count > 0).then(|| {
-        format!("{facets} {verb} a normal that contradicts the order of the corners; the order of the corners counts")
+        format!("{facets} {verb} a normal that contradicts the order of the corners; this order decides which side is the front")
     })
 }

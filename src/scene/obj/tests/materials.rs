@@ -472,7 +472,7 @@ fn parts_of_pictures_that_are_not_used_are_noted_once() {
     assert_eq!(notes("newmtl a\nmap_d hole.png\nnewmtl b\n"), [""; 0]);
     let black = |key: &str, materials: &str| {
         format!(
-            "{key} 0 0 0 beside map_{key} counts as {key} 1 1 1, since black would hide the texture ({materials})"
+            "{key} 0 0 0 beside map_{key} is read as {key} 1 1 1, since black would hide the texture ({materials})"
         )
     };
     assert_eq!(notes("newmtl a\nKd 0 0 0\nmap_Kd opaque.png\nnewmtl b\n"), [black("Kd", "1 material")]);
@@ -812,7 +812,7 @@ fn values_after_those_of_a_colour_or_a_shininess_are_noted() {
     let expected =
         "m.mtl:2: values after the third of Kd, Ks or Ke, or after the first of Ns, are not read (3 lines)";
     assert!(file.notes.len() == 1 && file.notes[0].ends_with(expected), "{:?}", file.notes);
-    let expected = "m.mtl:2: a Kd or Ks of 16 or more counts as a reflectance (1 is white), not as a channel from 0 \
+    let expected = "m.mtl:2: a Kd or Ks of 16 or more is read as a reflectance (1 is white), not as a channel from 0 \
                     to 255 (2 lines)";
     let bright = notes_of("usemtl a", "newmtl a\nKd 200 0 0\nKs 16\nKe 200 0 0\n");
     assert!(bright.len() == 1 && bright[0].ends_with(expected), "{bright:?}");

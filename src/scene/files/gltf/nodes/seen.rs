@@ -37,10 +37,11 @@ impl FileCamera<'_> {
         let Perspective { yfov, znear, .. } = self.lens;
         let view = || {
             format!(
-                "the camera's yfov of {yfov} radians is not between 0.001 and 179.99 degrees: it counts as 45 degrees"
+                "the camera's yfov of {yfov} radians is not between 0.001 and 179.99 degrees: raycl uses 45 degrees instead"
             )
         };
-        let near = || format!("the camera's znear of {znear} is not a number, 0 or more: it counts as 0");
+        let near =
+            || format!("the camera's znear of {znear} is not a number of at least 0: raycl uses 0 instead");
         let skewed = || "the camera's transform has a skew, which the picture does not show".to_owned();
         let notes = [self.is_odd_view.then(view), self.is_odd_near.then(near), self.is_skewed.then(skewed)];
         notes.into_iter().flatten()

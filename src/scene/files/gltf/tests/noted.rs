@@ -108,7 +108,8 @@ fn the_ratio_of_a_camera_is_kept_and_a_znear_that_is_not_valid_is_noted() {
     };
     assert_eq!(with(r#""znear": 0.1, "aspectRatio": 1.5"#), (0.1, Vec::new(), Some(1.5)));
     for (near, shown) in [("-5", "-5"), ("1e39", "inf")] {
-        let note = format!("the camera's znear of {shown} is not a number, 0 or more: it counts as 0");
+        let note =
+            format!("the camera's znear of {shown} is not a number of at least 0: raycl uses 0 instead");
         assert_eq!(with(&format!(r#""znear": {near}"#)), (0.0, vec![note], None), "{near}");
     }
     assert_eq!(with(r#""znear": 0"#), (0.0, Vec::new(), None));
@@ -214,7 +215,7 @@ fn positions_that_are_coarse_in_the_file_are_noted_once() {
         read(&text).unwrap().notes
     };
     let note = "1 primitive with coarse positions is shown with triangles that may have inexact shapes: the file \
-                stores positions in single precision, which is coarse so far from 0";
+                stores positions in single precision, which is coarse for such large coordinates";
     assert!(notes(5_400_000.0, 2.5).contains(&note.to_owned()), "{:?}", notes(5_400_000.0, 2.5));
     for (x, side) in [(5_400_000.0, 25.0), (400.0, 2.5), (5_400_000.0, 3.0)] {
         assert!(notes(x, side).iter().all(|note| !note.contains("coarse")), "{x} {side}");

@@ -245,8 +245,8 @@ fn joints_that_mirror_a_triangle_change_the_order_of_its_corners() {
 fn joints_and_weights_that_are_not_valid_are_left_out_and_their_vertices_counted() {
     let note = |vertices: &str| {
         format!(
-            "{vertices} with joints or weights that are not valid {} placed by the valid joints or, without any, by \
-             the skin's first valid joint",
+            "{vertices} with joints or weights that are not valid {} placed by the valid joints or, if no joint \
+             of a vertex is valid, by the skin's first valid joint",
             if vertices.starts_with("1 ") { "is" } else { "are" }
         )
     };
