@@ -32,8 +32,8 @@ pub struct Answer {
     /// The speed-ups of the group's fastest point over the serial baselines and over the fastest point of the
     /// preset `naive`.
     pub speedups: Vec<Speedup>,
-    /// A name such as "the best naive point" if the group's fastest point has the preset `naive`, otherwise `None`.
-    /// If another point of the group is the fastest, the best naive point has this name in [`Speedup::over`].
+    /// A name such as "the best naive point" if the fastest point of the preset `naive` is a winner of the group,
+    /// otherwise `None`. If this point is not the fastest of the group, it has this name in [`Speedup::over`].
     pub naive_wins: Option<String>,
     /// The certainty of the result in one word: "clear", "tie" or "unsure". Winners that tie are "unsure" if a point
     /// without a rank may be as fast as the winners.
@@ -110,8 +110,8 @@ fn answer(group: &Group<'_>, baselines: &[&Record]) -> Answer {
         speedups: best.map_or(Vec::new(), |best| speedups(best, group, baselines)),
         naive_wins: best
             .zip(group.naive())
-            .filter(|(best, naive)| best.key == naive.key)
-            .map(|(best, _)| name_of_other(best)),
+            .filter(|(_, naive)| ranking.winners.iter().any(|winner| winner.key == naive.key))
+            .map(|(_, naive)| name_of_other(naive)),
         sureness,
         sure,
         refused: refused(group),
@@ -271,8 +271,12 @@ fn doubt(answers: &[Answer]) -> String {
 /// empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&Speedup, Vec<f64>)> = Vec::new();
-    for speedup in answers.iter().flat_map(|answer| &answer.speedups) {
-        let Some(ratio) = speedup.ratio else { continue };
+    let pairs =
+        answers.iter().flat_map(|answer| answer.speedups.iter().map(move |speedup| (answer, speedup)));
+    for (answer, speedup) in pairs {
+        // A point that ties with the fastest point is not clearly slower.
+        let is_tie = answer.naive_wins.as_ref() == Some(&speedup.over);
+        let Some(ratio) = speedup.ratio.filter(|_| !is_tie) else { continue };
         entry(&mut over, |(known, _)| known.over == speedup.over, || (speedup, Vec::new())).1.push(ratio);
     }
     let won = answers.iter().filter(|answer| !answer.winners.is_empty()).count();
@@ -285,7 +289,7 @@ fn gains(answers: &[Answer]) -> String {
             (known, _) if known >= won => String::new(),
             (known, 0) => format!(" (in {known} of {won} comparisons)"),
             (known, itself) => {
-                format!(" (in {known} of {won} comparisons; in {itself}, this point is itself the fastest)")
+                format!(" (in {known} of {won} comparisons; in {itself}, this point is itself a winner)")
             }
         };
         format!("{range} times as fast as {name}{known}")
@@ -543,10 +547,12 @@ mod tests {
         let headline_of = |records: &[Vec<Record>]| headline(&answers(&groups(&judged(records.concat()))));
         let [slow, fast, bare] = [of("room", 15.0, true), of("table", 5.0, true), of("chair", 15.0, false)];
         let both = headline_of(&[slow.clone(), fast.clone()]);
-        let itself = "1.50 times as fast as the best naive point (in 1 of 2 comparisons; in 1, this point is itself \
-                      the fastest)";
+        let itself = "1.50 times as fast as the best naive point (in 1 of 2 comparisons; in 1, this point is itself a \
+                      winner)";
         assert!(both.contains("; the winners are 40.0 to 80.0 times as fast as serial-f32, "), "{both}");
         assert!(both.ends_with(itself), "{both}");
+        let tie = headline_of(&[slow.clone(), of("table", 10.1, true)]);
+        assert!(tie.ends_with(itself), "{tie}");
         let two = headline_of(&[slow, bare]);
         assert!(
             two.contains("40.0 times as fast as serial-f32 (in 1 of 2 comparisons), 1.50 times"),
