@@ -109,7 +109,7 @@ fn an_animation_turns_an_area_light() {
 fn a_light_is_a_point_a_ball_or_a_surface() {
     let folder = WorkFolder::with(&[("scene.toml", LAMPS)]);
     for (set, parts) in [
-        ("light.0.radius=1", "a light has a radius, 1, and edges"),
+        ("light.0.radius=1", "a light has a radius of 1 and edges"),
         ("light.0.edges=[[1, 0, 0], [-2, 0, 0]]", "neither zero nor parallel"),
         ("light.0.edges=[[1, 0, 0], [0, 0, 0]]", "neither zero nor parallel"),
         ("light.0.edges=[[1, 0, 0]]", "1 edge; expected the two edges of a rectangle"),

@@ -116,7 +116,7 @@ fn how_long_a_run_takes_is_estimated_from_earlier_times() {
     // pixels.
     let some = expected(&records[..2], &[]);
     assert_eq!((some.points, some.known), (6, 4));
-    assert!(some.to_string().contains("for 4 of them, based on earlier times"), "{some}");
+    assert!(some.to_string().contains("for 4 of these points, based on earlier times"), "{some}");
     let rest = expected(&records, &records[1..]);
     assert_eq!((rest.points, rest.known, rest.others), (1, 1, 0));
     let of_another = Record { key: "of another config".to_owned(), ..Record::default() };

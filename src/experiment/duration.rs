@@ -428,7 +428,9 @@ impl Expected {
         let some = match self.is_known() {
             true => ", based on earlier times".to_owned(),
             false => {
-                format!(" for {known} of them, based on earlier times; the times of the others are unknown")
+                format!(
+                    " for {known} of these points, based on earlier times; the times of the other points are unknown"
+                )
             }
         };
         format!("about {}{more}{some}", in_minutes(self.time))

@@ -123,7 +123,7 @@ fn check_area(area: &Area, radius: f32) -> Result<()> {
     let [first, second] = area.edges;
     require(radius == 0.0, || {
         format!(
-            "a light has a radius, {radius}, and edges; expected a radius (the light is a ball) or edges (a flat surface)"
+            "a light has a radius of {radius} and edges; expected either a radius (the light is a ball) or edges (the light is flat)"
         )
     })?;
     require(in_range(first) && in_range(second), || {

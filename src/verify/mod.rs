@@ -143,8 +143,8 @@ pub fn hardly_verified(
     (10 * sure < judged).then(|| {
         let were = counted_of_were(sure, judged, what);
         format!(
-            "{were} certain or nearly certain; rounding may decide the values of all others, which were compared only \
-             with ranges of possible values"
+            "{were} certain or nearly certain; rounding may decide the values of all other pixels, so these \
+             were compared only with ranges of possible values"
         )
     })
 }

@@ -461,7 +461,7 @@ fn numbers_out_of_their_range_are_refused() {
 fn a_background_that_is_not_displayed_as_it_is_written_is_noted() {
     let note = |text: &str| {
         let notes = loaded(text).unwrap().notes;
-        notes.into_iter().find(|note| note.contains("the background #")).unwrap_or_default()
+        notes.into_iter().find(|note| note.contains("the background is displayed as #")).unwrap_or_default()
     };
     let black = note("background = \"white\"\ndisplay.exposure = 0\n");
     let start = "the background is displayed as #000000, not as #ffffff: with display.exposure = 0.0, display.gamma = 2.2 ";

@@ -22,7 +22,7 @@ fn of_nodes(root: &Root) -> Vec<Counted> {
         (
             count(has_row),
             "node with a matrix whose last row is not 0 0 0 1",
-            "placed without this row: expected the numbers of the matrix by columns",
+            "placed without this row; the file must store the matrix column by column",
         ),
         (
             count(has_both),
@@ -32,7 +32,7 @@ fn of_nodes(root: &Root) -> Vec<Counted> {
         (
             count(is_rotated_oddly),
             "node with a rotation whose length is not 1",
-            "turned by the rotation divided by its length; a rotation of length 0 does not turn",
+            "turned by the rotation divided by its length; a rotation of length 0 is ignored",
         ),
         (
             children_in_scene(root),
@@ -88,8 +88,8 @@ mod tests {
 
     #[test]
     fn transforms_that_are_not_used_as_they_are_stated_are_noted() {
-        let row = "1 node with a matrix whose last row is not 0 0 0 1 is placed without this row: expected the numbers \
-                   of the matrix by columns";
+        let row = "1 node with a matrix whose last row is not 0 0 0 1 is placed without this row; the file must store \
+                   the matrix column by column";
         let matrix =
             |last: &str| format!(r#""nodes": [{{"matrix": [1,0,0,{last}, 0,1,0,0, 0,0,1,0, 5,6,7,1]}}]"#);
         assert_noted(&matrix("0.0000001"), &[]);
@@ -104,7 +104,7 @@ mod tests {
         };
         assert_noted(&rotations(&["[0, 0, 0.709, 0.701]", "[0, 0.995, 0, 0]"]), &[]);
         let note = "2 nodes with a rotation whose length is not 1 are turned by the rotation divided by its length; a \
-                    rotation of length 0 does not turn";
+                    rotation of length 0 is ignored";
         assert_noted(&rotations(&["[0, 0, 2, 1]", "[0, 0, 0, 1]", "[0, 0, 0, 0]"]), &[note]);
     }
 
