@@ -212,7 +212,8 @@ impl<'a> Numbers<'a> {
             let ends = || "its buffers hold fewer sparse elements than it states".to_owned();
             let [index] = indices.element::<1>(number).ok_or_else(ends)?;
             let value = replacements.element(number).ok_or_else(ends)?;
-            *values.get_mut(index as usize).ok_or("a sparse index is beyond the accessor's elements")? = value;
+            *values.get_mut(index as usize).ok_or("a sparse index is beyond the accessor's elements")? =
+                value;
         }
         Ok(())
     }
