@@ -1,4 +1,5 @@
-//! Waits for child processes, up to a time limit or until the caller no longer needs a process's output.
+//! Waits for child processes, up to a time limit or until the caller no longer needs a process's output. Tells
+//! crashes from other ends of a process.
 
 use crate::threads::locked;
 use std::io::{Read, Result as IoResult, Write, copy};
@@ -80,6 +81,29 @@ pub fn output_unless(
     }
 }
 
+/// Returns the number and the name of the signal with which a process crashed; `None` if the process did not crash.
+pub fn crash(status: ExitStatus) -> Option<(i32, &'static str)> {
+    signal(status).filter(|(_, name)| CRASHES.contains(name))
+}
+
+/// Signals that result from a fault of the process itself, so a driver may be the cause. Most other signals, such as
+/// SIGTERM, come from outside the process.
+const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
+
+/// Returns the number and the name of the signal that ended a process; `None` if no signal ended it.
+#[cfg(unix)]
+pub fn signal(status: ExitStatus) -> Option<(i32, &'static str)> {
+    use std::os::unix::process::ExitStatusExt as _;
+    let signal = status.signal()?;
+    Some((signal, signal_hook::low_level::signal_name(signal).unwrap_or("a signal without a name")))
+}
+
+/// Returns `None`: on systems other than Unix, no signal ends a process.
+#[cfg(not(unix))]
+pub fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
+    None
+}
+
 /// A stream that another thread reads.
 struct Reading {
     heard: Heard,
@@ -125,6 +149,7 @@ fn words_of(stream: Option<Reading>, until: Instant) -> Vec<u8> {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use std::os::unix::process::ExitStatusExt as _;
     use std::process::{Command, Stdio};
 
     fn shell(script: &str, limit: Duration) -> Option<Output> {
@@ -163,6 +188,15 @@ mod tests {
             Ok((looks == 3).then_some("ended"))
         };
         assert_eq!(status_within(Duration::from_secs(120), third).unwrap(), Some("ended"));
+    }
+
+    #[test]
+    fn a_process_crashes_by_signals_of_its_own_faults_and_not_by_others() {
+        use signal_hook::consts::{SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP};
+        use signal_hook::consts::{SIGHUP, SIGINT, SIGKILL, SIGPIPE, SIGQUIT, SIGTERM};
+        let is_crash = |signal: &i32| crash(ExitStatus::from_raw(*signal)).is_some();
+        assert!([SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP].iter().all(is_crash));
+        assert!(![SIGHUP, SIGINT, SIGKILL, SIGPIPE, SIGQUIT, SIGTERM].iter().any(is_crash));
     }
 
     #[test]

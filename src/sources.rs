@@ -153,6 +153,13 @@ impl Sources {
         files.iter().filter_map(changed).collect()
     }
 
+    /// Returns a text that names the user's kernel files after a crash. The text begins with [`SUSPECTS`], and names
+    /// the first few files that the user added or changed. Returns `None` if there are no such files.
+    pub fn suspects(&self) -> Option<String> {
+        let files = self.changed_paths(&self.own_files().unwrap_or_default());
+        (!files.is_empty()).then(|| format!("{SUSPECTS}: {}", some_of(&files)))
+    }
+
     /// Returns a file's path if it comes from the user's folder, or if the system does not say whether the folder has
     /// the file. Returns `None` if the file is built into the binary.
     pub fn own_path(&self, name: &str) -> Option<String> {
@@ -228,6 +235,14 @@ fn built_in_lines(name: &str, text: &str) -> Option<&'static [SourceLine<'static
 
 const LAYOUT: &str =
     "--cl-dir expects a folder laid out like raycl's cl/, with the files that differ or are new";
+
+/// The beginning of the text that names the user's kernel files after a crash ([`Sources::suspects`]). A named file
+/// need not be part of the crashed program.
+pub const SUSPECTS: &str =
+    "the folder of --cl-dir has kernel files that are not built in, or that differ from the built-in files";
+
+/// The remedy after a crash of a process that used the user's kernel files.
+pub const OWN_KERNELS: &str = "a mistake in one of your kernel files is more likely than one in the driver: look for writes and reads out of bounds, for barriers that not all work-items of a group reach, and for a `bytes_per_ray` that is too small. The same command without --cl-dir shows whether raycl's own kernels crash too. Oclgrind, a simulator, reports accesses out of bounds with their lines: `oclgrind --build-options -cl-opt-disable raycl ... --device oclgrind`";
 
 /// The remedy for an error in one of the user's kernel files.
 const OWN_FILE: &str = "correct the file: docs/own-kernels.md lists the functions, types and macros that it must define; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";

@@ -11,6 +11,7 @@ mod signals;
 mod terminal;
 
 use crate::cache::Cache;
+use crate::child::{crash, signal};
 use crate::device::drivers::{Driver, crash_advice, installed, only};
 use crate::device::patience::{GUARDED, HUNG};
 use crate::error::{Error, Result};
@@ -20,7 +21,7 @@ use crate::printer;
 use crate::program::AFRESH;
 use crate::threads::cores;
 use allocator::{ALLOCATOR, allocator_settings};
-use ending::{crash, drivers_doing, exit_code, signal};
+use ending::{drivers_doing, exit_code};
 use errors::{
     ended_by_signal, kernels_doing, no_driver_alone, no_list, not_together, or_clear_cache, still_failing,
 };

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::output::Target;
 use crate::printer;
 use crate::record::Record;
+use crate::sources::{OWN_KERNELS, SUSPECTS};
 use crate::words::counted_of;
 use serde::Serialize;
 
@@ -40,14 +41,22 @@ pub fn failures(records: &[Record]) -> Option<String> {
     (failed > 0).then(|| format!("{} failed", counted_of(failed, records.len(), "point")))
 }
 
-/// Returns an error with the remedy `remedy` if points failed ([`failures`]).
+/// Returns an error with the remedy `remedy` if points failed ([`failures`]). If a point's reason names kernel files of
+/// the user as the possible cause of a crash, the error has one more remedy: what to look for in these files.
 pub fn refuse_failed(records: &[Record], remedy: impl Into<String>) -> Result<()> {
-    failures(records).map_or(Ok(()), |message| Err(Error::run(message).with_help(remedy)))
+    let Some(message) = failures(records) else { return Ok(()) };
+    let suspects = |record: &Record| record.reason.as_ref().is_some_and(|reason| reason.contains(SUSPECTS));
+    let remedy = match records.iter().any(suspects) {
+        true => format!("{}; about the crash: {OWN_KERNELS}", remedy.into()),
+        false => remedy.into(),
+    };
+    Err(Error::run(message).with_help(remedy))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::Outcome;
 
     #[test]
     fn what_was_measured_before_an_error_is_kept() {
@@ -56,6 +65,19 @@ mod tests {
         assert_eq!(end.unwrap_err().to_string(), "it broke");
         let (values, end) = until_error([Ok(1), Ok(2)].into_iter());
         assert!(values == [1, 2] && end.is_ok());
+    }
+
+    #[test]
+    fn after_a_crash_with_kernel_files_of_the_user_the_error_says_what_to_look_for() {
+        let remedy = |reason: &str| {
+            let crashed =
+                Record { outcome: Outcome::Crashed, reason: Some(reason.to_owned()), ..Record::default() };
+            let error = refuse_failed(&[Record::default(), crashed], "read the summary").unwrap_err();
+            error.remedy().to_owned()
+        };
+        assert_eq!(remedy("the worker process was killed by SIGSEGV"), "read the summary");
+        let own = remedy(&format!("the worker process was killed by SIGSEGV; {SUSPECTS}: mine.cl"));
+        assert_eq!(own, format!("read the summary; about the crash: {OWN_KERNELS}"));
     }
 
     #[test]

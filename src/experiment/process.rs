@@ -2,12 +2,13 @@
 
 use super::protocol::{Job, Reply, Request};
 use super::waiting::{Death, Spawner, Wait, Worker};
-use crate::child::{kill, status_within};
+use crate::child::{crash, kill, status_within};
 use crate::device::{folder_advice, is_pocl};
 use crate::error::{Error, Result};
 use crate::own_program::own_worker;
 use crate::printer;
 use crate::program::{AFRESH, CACHE_DISABLE};
+use crate::sources::Sources;
 use serde::Serialize;
 use std::ffi::OsString;
 use std::io::{BufRead as _, BufReader, Read, Result as IoResult, Write as _};
@@ -80,11 +81,13 @@ impl Spawner for Processes {
         let no_thread = |error: std::io::Error| Error::no_thread(&error);
         let replies = child.stdout.take().map(read_replies).transpose().map_err(no_thread)?;
         let last_words = child.stderr.take().map(read_last_words).transpose().map_err(no_thread)?;
+        let cl_dir = self.jobs.get(job).and_then(|job| job.cl_dir.clone());
         let mut worker = WorkerProcess {
             requests: child.stdin.take(),
             replies: replies.unwrap_or_else(|| channel().1),
             last_words,
             uses_pocl: self.jobs.get(job).and_then(|job| job.device.as_deref()).is_some_and(is_pocl),
+            sources: cl_dir.map_or(Sources::Embedded, Sources::Folder),
             child,
         };
         if let Some(line) = line {
@@ -111,6 +114,8 @@ struct WorkerProcess {
     last_words: Option<JoinHandle<String>>,
     /// True if PoCL is the driver of the worker's device.
     uses_pocl: bool,
+    /// The kernel files of the worker's job.
+    sources: Sources,
 }
 
 /// Reads replies until the worker closes its standard output. Lines that a driver writes to the standard
@@ -162,12 +167,16 @@ impl WorkerProcess {
         }
     }
 
-    /// Waits for the end of a worker that has closed its standard output, and returns how the worker died.
+    /// Waits for the end of a worker that has closed its standard output, and returns how the worker died. If the
+    /// worker crashed, the cause names the kernel files that the user added or changed.
     fn death(&mut self) -> Death {
-        let Death { cause, last_words } = death_of(self.end(), self.last_words.take());
+        let end = self.end();
+        let has_crashed = matches!(&end, Ok(Some(status)) if crash(*status).is_some());
+        let suspects = has_crashed.then(|| self.sources.suspects()).flatten();
+        let Death { cause, last_words } = death_of(end, self.last_words.take());
         // PoCL ends the process if it cannot store a compiled kernel, for example because the disk is full.
         let advice = self.uses_pocl.then(folder_advice).flatten();
-        let cause = std::iter::once(cause).chain(advice).collect::<Vec<_>>().join("; ");
+        let cause = std::iter::once(cause).chain(advice).chain(suspects).collect::<Vec<_>>().join("; ");
         Death { cause, last_words }
     }
 
@@ -293,6 +302,32 @@ mod tests {
         });
         assert_eq!(death_of(Ok(None), speaks.ok()).describe(), "did not end, although raycl killed it");
         drop(end);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn only_a_crash_of_a_worker_is_blamed_on_the_kernel_files_of_the_user() {
+        let folder = tempfile::tempdir().unwrap();
+        let own = folder.path().join("mine.cl");
+        std::fs::write(&own, "// mine\n").unwrap();
+        let cause_of = |signal: &str, sources: Sources| {
+            let mut child = Command::new("sh").args(["-c", &format!("kill -s {signal} $$")]).spawn().unwrap();
+            // On a busy machine, the process may need longer than [`FAREWELL`] to end.
+            child.wait().unwrap();
+            let replies = channel().1;
+            let mut worker =
+                WorkerProcess { child, requests: None, replies, last_words: None, uses_pocl: false, sources };
+            let Wait::Dead(death) = worker.wait(Duration::from_secs(120)) else { panic!("it lives") };
+            death.describe()
+        };
+        let folder = || Sources::Folder(folder.path().to_owned());
+        let files = "the folder of --cl-dir has kernel files that are not built in, or that differ from the built-in \
+                     files";
+        let crashed = format!("was killed by SIGSEGV; {files}: {}", own.display());
+        assert_eq!(cause_of("SEGV", folder()), crashed);
+        assert_eq!(cause_of("SEGV", Sources::Embedded), "was killed by SIGSEGV");
+        // Linux may have killed the worker because memory ran out.
+        assert_eq!(cause_of("KILL", folder()), "was killed by SIGKILL");
     }
 
     #[test]

@@ -1,5 +1,6 @@
-//! How a child process ended: its exit code, or the signal that ended it.
+//! What the end of a child process says: whether a driver may have ended it, and its exit code.
 
+use crate::child::{crash, signal};
 use crate::device::patience::HUNG;
 use std::process::ExitStatus;
 
@@ -21,29 +22,6 @@ pub fn drivers_doing(status: ExitStatus) -> Option<String> {
 /// SPIR-V ends the process with 8 if the compiler does not know an instruction.
 fn is_own(code: i32) -> bool {
     matches!(code, 0..=2 | 101 | 128..)
-}
-
-/// Returns the number and the name of the signal with which a process crashed; `None` if the process did not crash.
-pub fn crash(status: ExitStatus) -> Option<(i32, &'static str)> {
-    signal(status).filter(|(_, name)| CRASHES.contains(name))
-}
-
-/// Signals that result from a fault of the process itself, so a driver may be the cause. Most other signals, such as
-/// SIGTERM, come from outside the process.
-const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
-
-/// Returns the number and the name of the signal that ended a process; `None` if no signal ended it.
-#[cfg(unix)]
-pub fn signal(status: ExitStatus) -> Option<(i32, &'static str)> {
-    use std::os::unix::process::ExitStatusExt as _;
-    let signal = status.signal()?;
-    Some((signal, signal_hook::low_level::signal_name(signal).unwrap_or("a signal without a name")))
-}
-
-/// Returns `None`: on systems other than Unix, no signal ends a process.
-#[cfg(not(unix))]
-pub fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
-    None
 }
 
 /// Returns the exit code of a process, or 128 plus the number of the signal that ended it, as shells do.
@@ -68,15 +46,6 @@ mod tests {
                 format!("raycl's child process ended with the exit code {code}, probably in a driver");
             assert_eq!(doing(code), Some(expected));
         }
-    }
-
-    #[test]
-    fn a_process_crashes_by_signals_of_its_own_faults_and_not_by_others() {
-        use signal_hook::consts::{SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP};
-        use signal_hook::consts::{SIGHUP, SIGINT, SIGKILL, SIGPIPE, SIGQUIT, SIGTERM};
-        let is_crash = |signal: &i32| crash(ExitStatus::from_raw(*signal)).is_some();
-        assert!([SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP].iter().all(is_crash));
-        assert!(![SIGHUP, SIGINT, SIGKILL, SIGPIPE, SIGQUIT, SIGTERM].iter().any(is_crash));
     }
 
     #[test]

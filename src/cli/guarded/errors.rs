@@ -1,17 +1,15 @@
 //! The errors, with their remedies, for a child process that crashed, hung, was ended by a signal or could
 //! not be run.
 
-use super::ending::{crash, signal};
+use crate::child::{crash, signal};
 use crate::device::drivers::Driver;
 use crate::device::folder_advice;
 use crate::error::{Error, limit_advice};
 use crate::memory::{address_space_limit, readable};
-use crate::sources::{Sources, some_of};
+use crate::sources::{OWN_KERNELS, Sources};
 use std::path::Path;
 use std::process::ExitStatus;
 
-/// The remedy after a crash of a process that used the user's kernel files.
-const OWN_KERNELS: &str = "a mistake in one of your kernel files is more likely than one in the driver: look for writes and reads out of bounds, for barriers that not all work-items of a group reach, and for a `bytes_per_ray` that is too small. The same command without --cl-dir shows whether raycl's own kernels crash too. Oclgrind, a simulator, reports accesses out of bounds with their lines: `oclgrind --build-options -cl-opt-disable raycl ... --device oclgrind`";
 /// The first remedy after a crash of a process that opens a window.
 const WINDOW: &str = "if no window opened, the display or its libraries may be the cause: `--terminal` shows the scene in this terminal, without a window";
 /// The remedy if SIGKILL ended the child process.
@@ -28,19 +26,9 @@ const FROM_OUTSIDE: &str =
 /// have crashed instead of the kernels, so the remedy also names the window as a possible cause.
 pub fn kernels_doing(status: ExitStatus, cl_dir: Option<&Path>, opens_window: bool) -> Option<Error> {
     let (signal, name) = crash(status)?;
-    let sources = Sources::Folder(cl_dir?.to_owned());
-    let files = sources.changed_paths(&sources.own_files().unwrap_or_default());
-    if files.is_empty() {
-        return None;
-    }
-    Some(
-        Error::run(format!(
-            "raycl's child process crashed: {name} (signal {signal}). The folder of --cl-dir has kernel files that are \
-             not built in, or that differ from the built-in files: {}",
-            some_of(&files)
-        ))
-        .with_help(if opens_window { window_or(OWN_KERNELS) } else { OWN_KERNELS.to_owned() }),
-    )
+    let suspects = Sources::Folder(cl_dir?.to_owned()).suspects()?;
+    let error = Error::run(format!("raycl's child process crashed: {name} (signal {signal}); {suspects}"));
+    Some(error.with_help(if opens_window { window_or(OWN_KERNELS) } else { OWN_KERNELS.to_owned() }))
 }
 
 /// Returns the error for drivers that list their devices when each driver is loaded alone, but fail when all
@@ -251,7 +239,7 @@ mod tests {
         write("cast/entry.cl", "// mine\n");
         let error = error_with(Some(folder.path())).expect("a message");
         let entry = folder.path().join("cast/entry.cl");
-        let message = "raycl's child process crashed: SIGSEGV (signal 11). The folder of --cl-dir has kernel files \
+        let message = "raycl's child process crashed: SIGSEGV (signal 11); the folder of --cl-dir has kernel files \
             that are not built in, or that differ from the built-in files";
         assert_eq!(error.to_string(), format!("{message}: {}", entry.display()));
         for part in ["out of bounds", "barriers", "`bytes_per_ray`", "without --cl-dir", "oclgrind"] {
