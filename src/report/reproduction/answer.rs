@@ -398,13 +398,32 @@ fn sure(contest: &Contest<'_>) -> String {
     };
     let tie = match contest.ranking.winners.len() {
         1 => format!("no other point{with_rank} ties for fastest{doubt}"),
-        several => format!("{several} of {} points tie for fastest{doubt}", contest.ranking.ranked.len()),
+        several => {
+            let (all, slow) = (contest.ranking.ranked.len(), slow_naive(contest));
+            format!("{several} of {all} points tie for fastest{slow}{doubt}")
+        }
     };
     let unranked = match contest.ranking.unranked.len() {
         0 => String::new(),
         several => format!("; points without a rank: {several}"),
     };
     format!("{ratio}{tie}{unranked}")
+}
+
+/// Returns a text that names the points of the preset `naive` that tie for fastest, if `naive` at its best local size
+/// does not tie; otherwise an empty text. The ratio of these points to the fastest point is not smaller than that of
+/// the best local size, so they tie only because the interval of their ratio is wider.
+fn slow_naive(contest: &Contest<'_>) -> String {
+    let winners = &contest.ranking.winners;
+    let best = contest.naive.filter(|naive| winners.iter().all(|winner| winner.key != naive.key));
+    let tied: Vec<&Record> = winners.iter().copied().filter(|winner| winner.is_naive()).collect();
+    match (best, tied.is_empty()) {
+        (Some(_), false) => format!(
+            " (among them naive {}, but only because the ratio to the fastest point is less certain there)",
+            at_sizes(&tied)
+        ),
+        _ => String::new(),
+    }
 }
 
 #[cfg(test)]
@@ -442,6 +461,21 @@ mod tests {
         };
         let answer = of(&[&tie[..], &[on_gourd("naive", 9.0), on_gourd("private", 3.0)]].concat());
         assert!(answer.why.contains("per frame on gourd (calculated"), "{}", answer.why);
+    }
+
+    /// At 8 x 8, `naive` is faster than `private` in one launch, and much slower in the other launch.
+    #[test]
+    fn a_tie_of_naive_at_another_than_its_best_size_is_explained() {
+        let varies = Record { samples_ms: [[1.8; 5], [2.9; 5]].concat(), ..measured("gpu", "naive", 8, 1.8) };
+        let answer = of(&[measured("gpu", "private", 8, 2.0), measured("gpu", "naive", 4, 2.2), varies]);
+        let tie = "as long as the fastest point, and 2 of 3 points tie for fastest (among them naive at 8 x 8, but \
+                   only because the ratio to the fastest point is less certain there)";
+        assert!(
+            answer.sure.contains("naive at its best local size takes 1.10 times (1.0"),
+            "{}",
+            answer.sure
+        );
+        assert!(answer.sure.ends_with(tie), "{}", answer.sure);
     }
 
     #[test]
