@@ -215,8 +215,7 @@ fn render(args: &Args) -> Result<()> {
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
     let keep = || keeping::for_the_next_start(args, &device, &prepared, &strategy, (later, show_later));
     let keeping_notes = wrong.is_none().then(keep).unwrap_or_default();
-    // In a wrong picture, the kernels may have missed all surfaces.
-    notes.extend(empty(&scene, cast.hits).filter(|_| wrong.is_none()));
+    notes.extend(empty(&scene, cast.hits));
     notes.extend(last_notes(args, &scene, sampling, verified.as_ref()).chain(keeping_notes));
     timeline.ends("keep");
     let report = Report {
