@@ -215,7 +215,7 @@ fn render(args: &Args) -> Result<()> {
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
     let keep = || keeping::for_the_next_start(args, &device, &prepared, &strategy, (later, show_later));
     let keeping_notes = wrong.is_none().then(keep).unwrap_or_default();
-    notes.extend(empty(&scene, cast.hits));
+    notes.extend(empty(&scene, cast.hits, wrong.is_some()));
     notes.extend(last_notes(args, &scene, sampling, verified.as_ref()).chain(keeping_notes));
     timeline.ends("keep");
     let report = Report {
@@ -311,10 +311,11 @@ fn last_notes(
 }
 
 /// Returns a note if the picture shows no surface, for example because it shows a sheet edge-on. `hits` is the number
-/// of pixels whose rays hit a surface.
-fn empty(scene: &Scene, hits: usize) -> Option<String> {
+/// of pixels whose rays hit a surface. There is no note if the picture is wrong (`is_wrong`): the rays may then hit
+/// surfaces that the kernels did not find.
+fn empty(scene: &Scene, hits: usize, is_wrong: bool) -> Option<String> {
     let is_empty = hits == 0 && !scene.mesh.triangles.is_empty();
-    is_empty.then(|| {
+    (is_empty && !is_wrong).then(|| {
         "the picture shows no surface: no ray from the eye hits one; to see the scene from another direction, use \
          --azimuth and --elevation"
             .to_owned()
@@ -692,11 +693,12 @@ mod tests {
     #[test]
     fn a_picture_without_surfaces_is_noted() {
         let scene = crate::reference::fixtures::single_triangle();
-        assert!(empty(&scene, 0).is_some_and(|note| note.starts_with("the picture shows no surface: ")));
-        assert_eq!(empty(&scene, 1), None);
+        let note = empty(&scene, 0, false);
+        assert!(note.is_some_and(|note| note.starts_with("the picture shows no surface: ")));
+        assert_eq!([empty(&scene, 1, false), empty(&scene, 0, true)], [None, None]);
         let mut without = scene;
         without.mesh_mut().triangles.clear();
-        assert_eq!(empty(&without, 0), None);
+        assert_eq!(empty(&without, 0, false), None);
     }
 
     #[test]

@@ -126,7 +126,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let rays = rays(&scene, image_size, hits, sampling.most);
     let frame_ms = longest(|row| row.frame_ms);
-    let all_notes = notes.into_iter().chain(empty(&scene, hits));
+    let all_notes = notes.into_iter().chain(empty(&scene, hits, wrong.is_some()));
     let all_notes = all_notes.chain(last_notes(args, &scene, sampling, verified.as_ref()));
     let report = Report {
         scene: scene.name.clone(),
