@@ -104,6 +104,9 @@ impl Reader<'_> {
         let meaning = meaning.ok_or_else(|| self.no_meaning(text))?;
         let said = |key: &Key| parsed.facts.iter().any(|(_, name, _)| *name == key.name);
         if let Some(key) = self.keys().find(|key| !key.optional && !said(key)) {
+            if let Some(error) = self.lacks_colon(text, key.name) {
+                return Err(error);
+            }
             let what = format!("{}; expected {}", key.about, key.takes);
             return Err(self.lacks(&format!("the file's header has no '{}' ({what})", key.name)));
         }
@@ -134,6 +137,9 @@ impl Reader<'_> {
     /// `meaning` is usually missing from a header for one of two reasons: the header is not at the file's
     /// start, or the file is meant only to be included by other files.
     fn no_meaning(&self, text: &str) -> Error {
+        if let Some(error) = self.lacks_colon(text, "meaning") {
+            return error;
+        }
         let bare = |line: &str| line.trim_start_matches(['/', '*', ' ', '\t']).starts_with("meaning:");
         let further_down = text.lines().position(bare).map(|row| row + 1);
         let mut why = match text.starts_with("//") {
@@ -152,6 +158,21 @@ impl Reader<'_> {
             )),
             _ => error,
         }
+    }
+
+    /// Returns the error for a line of the header that begins with the missing key `key`, but has no colon directly
+    /// after it. Returns `None` if there is no such line.
+    fn lacks_colon(&self, text: &str, key: &str) -> Option<Error> {
+        let (line, rest) = header_lines(text).find_map(|(line, words)| {
+            let rest = words.strip_prefix(key)?;
+            (rest.is_empty() || rest.starts_with([' ', '\t', '='])).then_some((line, rest))
+        })?;
+        let value = match rest.trim_start_matches([' ', '\t', '=', ':']) {
+            "" => "...",
+            value => value,
+        };
+        let message = format!("the header's key '{key}' is not directly followed by a colon");
+        Some(self.wrong(line, message, Some(format!("write `// {key}: {value}`"))))
     }
 
     fn lacks(&self, why: &str) -> Error {
@@ -330,12 +351,18 @@ const EXACT_SIGNS: &str = "common/exact_signs.cl";
 /// Returns the entries `// key: value` of the comment that a file begins with, up to the comment's first empty line.
 /// Each entry comes with the number of its line.
 fn entries(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
-    let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));
-    (1..).zip(comment.take_while(|line| !line.is_empty())).filter_map(|(number, line)| {
+    header_lines(text).filter_map(|(number, line)| {
         // A line with a URL has a colon, but sets no key.
         let (key, value) = line.split_once(':')?;
         (is_key(key) && !value.starts_with("//")).then(|| (number, key, value.trim()))
     })
+}
+
+/// Returns the lines of the comment that a file begins with, up to the comment's first empty line, each with its number
+/// and without the `//`.
+fn header_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));
+    (1..).zip(comment.take_while(|line| !line.is_empty()))
 }
 
 /// Returns true if the text before a colon can be a key: one word of lower-case letters and underscores.

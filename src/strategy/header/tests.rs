@@ -75,6 +75,19 @@ fn what_is_missing_is_reported_with_what_to_write() {
 }
 
 #[test]
+fn a_key_without_its_colon_is_reported_with_its_line() {
+    let said = |line: usize, key: &str| {
+        format!("line {line}: the header's key '{key}' is not directly followed by a colon")
+    };
+    for by in ["// exact_signs no\n", "// exact_signs = no\n", "// exact_signs : no\n"] {
+        mistake("// exact_signs: no\n", by, &said(5, "exact_signs"), "write `// exact_signs: no`");
+    }
+    mistake("// meaning: mine\n", "// meaning mine\n", &said(2, "meaning"), "write `// meaning: mine`");
+    let other = "// exact_signs_of mine\n";
+    mistake("// exact_signs: no\n", other, "line 1: the file's header has no 'exact_signs'", "yes or no");
+}
+
+#[test]
 fn a_header_that_is_not_at_the_files_start_is_reported_with_its_line() {
     let not_a_comment = "line 1: the file has no header: it does not begin with a `//` comment";
     for (start, said) in [
