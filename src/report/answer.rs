@@ -32,8 +32,8 @@ pub struct Answer {
     /// The speed-ups of the group's fastest point over the serial baselines and over the fastest point of the
     /// preset `naive`.
     pub speedups: Vec<Speedup>,
-    /// A name such as "the best naive point" if the fastest point of the preset `naive` is a winner of the group,
-    /// otherwise `None`. If this point is not the fastest of the group, it has this name in [`Speedup::over`].
+    /// A name such as "the best naive point" if a point of the preset `naive` is among the winners, otherwise `None`.
+    /// If another point of the group is the fastest, the best naive point has this name in [`Speedup::over`].
     pub naive_wins: Option<String>,
     /// The certainty of the result in one word: "clear", "tie" or "unsure". Winners that tie are "unsure" if a point
     /// without a rank may be as fast as the winners.
@@ -108,10 +108,10 @@ fn answer(group: &Group<'_>, baselines: &[&Record]) -> Answer {
             .and_then(|best| Some(duration_range(interval(best)?, median(best)?)))
             .unwrap_or_default(),
         speedups: best.map_or(Vec::new(), |best| speedups(best, group, baselines)),
-        naive_wins: best
-            .zip(group.naive())
-            .filter(|(_, naive)| ranking.winners.iter().any(|winner| winner.key == naive.key))
-            .map(|(_, naive)| name_of_other(naive)),
+        naive_wins: group
+            .naive()
+            .filter(|_| ranking.winners.iter().any(|winner| winner.is_naive()))
+            .map(name_of_other),
         sureness,
         sure,
         refused: refused(group),
@@ -271,12 +271,8 @@ fn doubt(answers: &[Answer]) -> String {
 /// empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&Speedup, Vec<f64>)> = Vec::new();
-    let pairs =
-        answers.iter().flat_map(|answer| answer.speedups.iter().map(move |speedup| (answer, speedup)));
-    for (answer, speedup) in pairs {
-        // A point that ties with the fastest point is not clearly slower.
-        let is_tie = answer.naive_wins.as_ref() == Some(&speedup.over);
-        let Some(ratio) = speedup.ratio.filter(|_| !is_tie) else { continue };
+    for speedup in answers.iter().flat_map(counted_speedups) {
+        let Some(ratio) = speedup.ratio else { continue };
         entry(&mut over, |(known, _)| known.over == speedup.over, || (speedup, Vec::new())).1.push(ratio);
     }
     let won = answers.iter().filter(|answer| !answer.winners.is_empty()).count();
@@ -289,7 +285,7 @@ fn gains(answers: &[Answer]) -> String {
             (known, _) if known >= won => String::new(),
             (known, 0) => format!(" (in {known} of {won} comparisons)"),
             (known, itself) => {
-                format!(" (in {known} of {won} comparisons; in {itself}, this point is itself a winner)")
+                format!(" (in {known} of {won} comparisons; in {itself}, a naive point is among the winners)")
             }
         };
         format!("{range} times as fast as {name}{known}")
@@ -300,6 +296,13 @@ fn gains(answers: &[Answer]) -> String {
     let first = winners.next();
     let they = if winners.all(|name| Some(name) == first) { "it is" } else { "the winners are" };
     if all.is_empty() { String::new() } else { format!("; {they} {}", all.join(", ")) }
+}
+
+/// Returns the speed-ups of an answer that the summary counts. If a point of the preset `naive` is among the winners,
+/// the speed-up over the best naive point is left out: the summary names all winners, so it would say that a winner is
+/// faster than itself.
+fn counted_speedups(answer: &Answer) -> impl Iterator<Item = &Speedup> {
+    answer.speedups.iter().filter(|speedup| answer.naive_wins.as_ref() != Some(&speedup.over))
 }
 
 /// Returns the first part of the summary: the strategies that win the largest number of groups, and this
@@ -547,18 +550,51 @@ mod tests {
         let headline_of = |records: &[Vec<Record>]| headline(&answers(&groups(&judged(records.concat()))));
         let [slow, fast, bare] = [of("room", 15.0, true), of("table", 5.0, true), of("chair", 15.0, false)];
         let both = headline_of(&[slow.clone(), fast.clone()]);
-        let itself = "1.50 times as fast as the best naive point (in 1 of 2 comparisons; in 1, this point is itself a \
-                      winner)";
+        let itself = "1.50 times as fast as the best naive point (in 1 of 2 comparisons; in 1, a naive point is among \
+                      the winners)";
         assert!(both.contains("; the winners are 40.0 to 80.0 times as fast as serial-f32, "), "{both}");
         assert!(both.ends_with(itself), "{both}");
-        let tie = headline_of(&[slow.clone(), of("table", 10.1, true)]);
-        assert!(tie.ends_with(itself), "{tie}");
         let two = headline_of(&[slow, bare]);
         assert!(
             two.contains("40.0 times as fast as serial-f32 (in 1 of 2 comparisons), 1.50 times"),
             "{two}"
         );
         assert!(two.ends_with("as the best naive point"), "{two}");
+    }
+
+    /// In this test, a naive point ties with `private`: it is faster in one of the two launches, and slower in the
+    /// other one. In the last case, this point ties, and the best naive point does not.
+    #[test]
+    fn the_headline_calls_no_winner_faster_than_a_naive_winner() {
+        let in_launches = |side: u32, ms: [f64; 2]| Record {
+            samples_ms: ms.map(|ms| [ms; 5]).concat(),
+            ..measured("gpu", "naive", side, ms[0])
+        };
+        let private = measured("gpu", "private", 8, 2.0);
+        let (ties, worse) = (in_launches(8, [1.8, 2.6]), in_launches(8, [1.8, 2.9]));
+        // The points in the room have launches of their own, so the ties do not widen their intervals.
+        let [in_room, slow] = [("private", 2.0), ("naive", 3.0)].map(|(name, ms)| Record {
+            scene: "room".into(),
+            sample_launches: [[2; 5], [3; 5]].concat(),
+            ..measured("gpu", name, 8, ms)
+        });
+        let headline_of = |records: &[&Record]| {
+            let records: Vec<Record> = records.iter().map(|record| (*record).clone()).collect();
+            let answers = answers(&groups(&judged(records)));
+            assert_eq!((answers[0].sureness, answers[0].winners.len()), ("tie", 2), "{:?}", answers[0].sure);
+            assert!(answers[0].speedups.iter().any(|speedup| !speedup.is_over_baseline));
+            headline(&answers)
+        };
+        let tie = "private and naive are the fastest: a tie";
+        assert_eq!(headline_of(&[&private, &ties]), tie);
+        let serial = measured("host", "serial-f32", 0, 40.0);
+        let with_baseline = format!("{tie}; the winners are 20.0 times as fast as serial-f32");
+        assert_eq!(headline_of(&[&private, &ties, &serial]), with_baseline);
+        let both = headline_of(&[&private, &ties, &in_room, &slow]);
+        let counted = "; the winners are 1.50 times as fast as the best naive point (in 1 of 2 comparisons; in 1, a \
+                       naive point is among the winners)";
+        assert!(both.ends_with(counted), "{both}");
+        assert_eq!(headline_of(&[&private, &measured("gpu", "naive", 4, 2.2), &worse]), tie);
     }
 
     #[test]
