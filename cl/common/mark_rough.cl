@@ -54,8 +54,10 @@ float steps_between_neighbours(const __global float4 *means, int2 image_size, in
         for (int column = 0; column < WINDOW; column++) {
             const float4 mean = mean_of_pixel(means, image_size, left + column, top + row);
             const float4 own = displayed(mean, exposure, tone, alpha_scale);
-            if (column) most_apart = max(most_apart, fabs(own - before));
-            if (row) most_apart = max(most_apart, fabs(own - above[column]));
+            // In the first column and the first row, a pixel is compared with itself. Conditions instead of these
+            // values would make LLVM 18, the compiler of PoCL 6.0, abort for some CPUs.
+            const float4 on_left = column ? before : own, on_top = row ? above[column] : own;
+            most_apart = max(most_apart, max(fabs(own - on_left), fabs(own - on_top)));
             above[column] = before = own;
         }
     return largest_channel(most_apart);
