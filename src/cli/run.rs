@@ -90,8 +90,8 @@ pub struct Args {
     /// other programs or other points were using the memory that these points need
     #[arg(long, requires = "resume")]
     pub(super) retry_failed: bool,
-    /// Time limit in seconds for each of three steps: (1) to open a device, (2) to build a point's kernels and cast the
-    /// point's first image, (3) to cast one of the point's later frames
+    /// Time limit in seconds for each of three steps: opening a device; building a point's kernels and casting
+    /// the point's first image; casting one of the point's later frames
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
     /// Distribute the points over several devices of the same model, instead of measuring every point on every device.
