@@ -1,207 +1,102 @@
-//! Checks the compressed values of a baseline JPEG (ITU-T T.81, Huffman coding), which the decoder does not check: the
-//! decoder replaces values that are missing or damaged by others without an error. Only the lengths of the values are
-//! read, so the check takes less time than decoding.
+//! Checks the compressed values of a JPEG (ITU-T T.81, Huffman coding), which the decoder does not check: the decoder
+//! replaces values that are missing or damaged by others without an error. Only the lengths of the values are read, so
+//! the check takes less time than decoding.
 
-use super::decode::segments;
-use super::jpeg::{MARKER, START_OF_SCAN};
+use super::decode::segments_of;
+use super::jpeg::START_OF_SCAN;
+use super::jpeg_bits::{Bits, Codes, add_codes};
+use super::jpeg_blocks::{Layered, pass_whole};
+use super::jpeg_frame::{Frame, Scan, number};
 use super::jpeg_scans;
 
-/// The second bytes of markers: the two kinds of frames that are checked (baseline, and extended with Huffman coding),
-/// code tables, and the number of groups of blocks between markers for restarts.
-const FRAMES: [u8; 2] = [0xc0, 0xc1];
+/// The second bytes of markers: code tables, and the number of groups of blocks between markers for restarts.
 const CODES: u8 = 0xc4;
 const RESTARTS: u8 = 0xdd;
-/// The second byte of the first of the eight markers for restarts.
-const FIRST_RESTART: u8 = 0xd0;
+/// The largest number of scans that are checked. The decoder refuses pictures with more scans.
+const MOST_SCANS: usize = 100;
 
-/// For each possible value of the next 16 bits, the length of the code with which they begin, and the code's value. The
-/// length is 0 if they begin with no code.
-type Codes = Vec<[u8; 2]>;
-
-/// Returns true if the compressed values end too early for the picture's number of blocks, or contain a code that does
-/// not exist. Nearly all losses of many bytes have one of these effects. Bytes that are left after the last block do
-/// not count, since some programs write such bytes. Of a progressive picture, only missing scans are noticed (see
-/// the module `jpeg_scans`). Other pictures with another kind of frame than `FRAMES`, or with several scans, are not checked.
+/// Returns true if the compressed values of a scan end too early for its number of blocks, or contain a code that does
+/// not exist, or if a progressive picture lacks scans. Nearly all losses of many bytes have one of these effects. Bytes
+/// that are left after the last block count only in progressive pictures, since some programs write such bytes after
+/// the single scan of other pictures. What the headers do not define well is not checked.
 pub fn is_damaged(bytes: &[u8]) -> bool {
-    let Some((blocks, mut bits)) = blocks_of(bytes) else { return jpeg_scans::are_missing(bytes) };
-    blocks.pass_all(&mut bits).is_none()
+    jpeg_scans::are_missing(bytes) || has_damaged_scan(bytes)
 }
 
-/// The blocks of a picture's scan.
-struct Blocks {
-    /// Number of groups of blocks. A group has the blocks of each component for the same part of the picture.
-    groups: usize,
-    /// For each block of a group, the tables of codes of the block's first value and of its other values.
-    tables: Vec<[usize; 2]>,
+fn has_damaged_scan(bytes: &[u8]) -> bool {
+    let (mut header, mut rest) = (Header::default(), bytes.get(2..).unwrap_or_default());
+    for _ in 0..MOST_SCANS {
+        let Some((scan, mut bits)) = header.next_scan(rest) else { return false };
+        if header.pass_scan(&scan, &mut bits).is_none() {
+            return true;
+        }
+        bits.pass_rest();
+        rest = bits.rest;
+    }
+    false
+}
+
+/// What the segments before a scan define.
+#[derive(Default)]
+struct Header {
     codes: [Codes; 8],
-    /// Number of groups between markers for restarts; 0 if there are no such markers.
+    /// Number of groups of blocks between markers for restarts; 0 if there are no such markers.
     restarts: usize,
+    frame: Option<Frame>,
 }
 
-/// Returns the blocks of a JPEG with a frame of [`FRAMES`] and a single scan, and the bits of this scan; `None` for
-/// other pictures.
-fn blocks_of(bytes: &[u8]) -> Option<(Blocks, Bits<'_>)> {
-    let (mut codes, mut restarts, mut frame) = ([const { Vec::new() }; 8], 0, None);
-    for (kind, data, rest) in segments(bytes) {
-        match kind {
-            CODES => add_codes(&mut codes, data)?,
-            RESTARTS => restarts = usize::from(number(data, 0)?),
-            START_OF_SCAN => {
-                let (groups, tables) = groups_of(frame?, data)?;
-                let is_known = tables.iter().flatten().all(|table| !codes[*table].is_empty());
-                let blocks = Blocks { groups, tables, codes, restarts };
-                return is_known.then_some((blocks, Bits { rest, word: 0, count: 0, is_padded: false }));
+impl Header {
+    /// Reads the segments up to the header of the next scan. Returns the scan and its bits; `None` if there is no
+    /// further scan, or if a segment is not valid.
+    fn next_scan<'a>(&mut self, rest: &'a [u8]) -> Option<(Scan, Bits<'a>)> {
+        for (kind, data, rest) in segments_of(rest) {
+            match kind {
+                CODES => add_codes(&mut self.codes, data)?,
+                RESTARTS => self.restarts = usize::from(number(data, 0)?),
+                START_OF_SCAN => {
+                    let scan = self.frame.as_ref()?.scan(data)?;
+                    let is_known = scan.tables().all(|table| !self.codes[table].is_empty());
+                    return is_known.then_some((scan, Bits::of(rest)));
+                }
+                // A second frame, or the end of the picture, after which another picture may follow.
+                0xc0..=0xcf | 0xd8 | 0xd9 if self.frame.is_some() => return None,
+                0xc0..=0xcf => self.frame = Some(Frame::of_segment(kind, data)?),
+                _ => {}
             }
-            kind if FRAMES.contains(&kind) => frame = Some(data),
-            _ => {}
         }
+        None
     }
-    None
-}
 
-/// Adds the tables of codes of a segment to `codes`.
-fn add_codes(codes: &mut [Codes; 8], mut data: &[u8]) -> Option<()> {
-    while let Some((kind, rest)) = data.split_first() {
-        let (lengths, mut rest) = rest.split_first_chunk::<16>()?;
-        let mut table = Vec::with_capacity(1 << 16);
-        for (length, count) in (1..).zip(lengths) {
-            let (values, after) = rest.split_at_checked(usize::from(*count))?;
-            values
-                .iter()
-                .for_each(|value| table.resize(table.len() + (1 << (16 - length)), [length as u8, *value]));
-            rest = after;
-        }
-        table.resize(1 << 16, [0, 0]);
-        *codes.get_mut(usize::from(kind >> 4 & 1) * 4 + usize::from(kind & 3))? = table;
-        data = rest;
-    }
-    Some(())
-}
-
-/// Returns the number of groups of blocks, and the tables of each block of a group, from the data of a frame and of the
-/// scan of all its components.
-fn groups_of(frame: &[u8], scan: &[u8]) -> Option<(usize, Vec<[usize; 2]>)> {
-    let [height, width] = [number(frame, 1)?, number(frame, 3)?].map(usize::from);
-    let parts = frame.get(6..)?.chunks_exact(3).zip(scan.get(1..)?.chunks_exact(2));
-    let count = usize::from(*frame.get(5)?);
-    if scan.first()? != frame.get(5)? || parts.len() < count || height == 0 {
-        return None;
-    }
-    let mut tables = Vec::new();
-    let [mut across, mut down] = [1, 1];
-    for (part, of_scan) in parts.take(count) {
-        let sampling = [part[1] >> 4, part[1] & 15].map(usize::from);
-        // The blocks of a single component are not grouped.
-        let [h, v] = if count == 1 { [1, 1] } else { sampling };
-        [across, down] = [across.max(h), down.max(v)];
-        let own = [usize::from(of_scan[1] >> 4 & 3), 4 + usize::from(of_scan[1] & 3)];
-        tables.extend(std::iter::repeat_n(own, h * v));
-    }
-    Some((width.div_ceil(8 * across) * height.div_ceil(8 * down), tables))
-}
-
-impl Blocks {
-    /// Passes all blocks; returns `None` if the bits end early or have a code that does not exist.
-    fn pass_all(&self, bits: &mut Bits<'_>) -> Option<()> {
-        for group in 0..self.groups {
+    /// Passes all blocks of a scan; returns `None` if the bits end early or have a code that does not exist, or if a
+    /// scan of a progressive picture has more bits.
+    fn pass_scan(&mut self, scan: &Scan, bits: &mut Bits<'_>) -> Option<()> {
+        let nonzero = self.frame.as_mut()?.nonzero(scan);
+        let (mut layered, mut unused) = (scan.layer.map(Layered::new), 0);
+        for group in 0..scan.groups {
             if self.restarts > 0 && group > 0 && group % self.restarts == 0 {
                 bits.pass_restart((group / self.restarts - 1) as u8 % 8)?;
+                layered = scan.layer.map(Layered::new);
             }
-            for [first, others] in &self.tables {
-                bits.pass_block(&self.codes[*first], &self.codes[*others])?;
-            }
-        }
-        Some(())
-    }
-}
-
-/// The bits of a scan.
-struct Bits<'a> {
-    /// The bytes that are not in `word` yet.
-    rest: &'a [u8],
-    /// The next bits, of which the lowest is the last.
-    word: u64,
-    /// Number of bits in `word`.
-    count: u32,
-    /// True if `word` has eight zeros after the last byte before a marker. Photoshop leaves out the last bits of some
-    /// pictures, if they are zeros.
-    is_padded: bool,
-}
-
-impl<'a> Bits<'a> {
-    fn of(rest: &'a [u8]) -> Self {
-        Self { rest, word: 0, count: 0, is_padded: false }
-    }
-
-    /// Fills `word` with the bits before the next marker. If there are too few, adds eight zeros once.
-    fn fill(&mut self) {
-        while self.count <= 56 {
-            let (byte, length) = match *self.rest {
-                [MARKER, 0, ..] => (MARKER, 2),
-                [byte, ..] if byte != MARKER => (byte, 1),
-                _ if self.is_padded => return,
-                _ => {
-                    self.is_padded = true;
-                    (0, 0)
+            for part in &scan.parts {
+                let codes = part.tables.map(|table| &self.codes[table]);
+                let nonzero = nonzero.get_mut(group).unwrap_or(&mut unused);
+                for _ in 0..part.blocks {
+                    match &mut layered {
+                        None => pass_whole(bits, codes)?,
+                        Some(layered) => layered.pass(bits, codes, nonzero)?,
+                    }
                 }
-            };
-            self.word = self.word << 8 | u64::from(byte);
-            self.count += 8;
-            self.rest = &self.rest[length..];
-        }
-    }
-
-    /// Passes a code and the bits after it. The lower half of the code's value states how many bits these are. Returns
-    /// the code's value.
-    fn pass(&mut self, codes: &Codes) -> Option<u8> {
-        if self.count < 32 {
-            self.fill();
-        }
-        let next =
-            if self.count < 16 { self.word << (16 - self.count) } else { self.word >> (self.count - 16) };
-        let [length, value] = codes[next as usize & 0xffff];
-        self.count = self.count.checked_sub(u32::from(length) + u32::from(value & 15))?;
-        (length > 0).then_some(value)
-    }
-
-    /// Passes a block of 64 values.
-    fn pass_block(&mut self, first: &Codes, others: &Codes) -> Option<()> {
-        self.pass(first)?;
-        let mut at = 1;
-        while at < 64 {
-            // The upper half of a code's value is the number of zeros before the value. The value 0 ends a block.
-            match self.pass(others)? {
-                0 => return Some(()),
-                value => at += usize::from(value >> 4) + 1,
             }
         }
-        (at == 64).then_some(())
+        (scan.layer.is_none() || !bits.has_more()).then_some(())
     }
-
-    /// Passes the marker for the restart `index`.
-    fn pass_restart(&mut self, index: u8) -> Option<()> {
-        self.pass_rest();
-        let kind = self.rest.iter().position(|byte| *byte != MARKER)?;
-        let is_next = self.rest[kind] == FIRST_RESTART + index;
-        *self = Self::of(&self.rest[kind + 1..]);
-        is_next.then_some(())
-    }
-
-    /// Passes all bytes before the next marker.
-    fn pass_rest(&mut self) {
-        while let [MARKER, 0, rest @ ..] | [0..=0xfe, rest @ ..] = self.rest {
-            self.rest = rest;
-        }
-    }
-}
-
-fn number(data: &[u8], at: usize) -> Option<u16> {
-    Some(u16::from_be_bytes(*data.get(at..)?.first_chunk()?))
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
+    use super::super::jpeg::MARKER;
+    use super::super::jpeg_bits::FIRST_RESTART;
     use super::*;
     use image::{Rgb, RgbImage};
 
@@ -299,5 +194,55 @@ mod tests {
         assert!(!is_damaged(&of_groups(160, 1, &groups)));
         let more = [&[0; 20][..], &[MARKER, 0], &groups].concat();
         assert!(!is_damaged(&of_groups(160, 1, &more)) && is_damaged(&of_groups(160, 1, &more[..40])));
+    }
+
+    /// A progressive picture of 24 x 16 pixels as the library libjpeg-turbo writes it: ten scans, of which four have
+    /// further bits of coefficients.
+    const PROGRESSIVE: &str = "\
+        ffd8ffe000104a46494600010100000100010000ffdb004300140e0f120f0d14121012171514181e32211e1c1c1e3d2c\
+        2e243249404c4b47404645505a736250556d5645466488656d777b8182814e608d978c7d96737e817cffdb0043011517\
+        171e1a1e3b21213b7c5346537c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c7c\
+        7c7c7c7c7c7c7c7c7c7c7c7c7c7cffc20011080010001803012200021101031101ffc400170000030100000000000000\
+        00000000000000030405ffc40014010100000000000000000000000000000004ffda000c030100021003100000017912\
+        888b0cf121ffc40017100101010100000000000000000000000000010211ffda00080101000105029a5daedd5aebffc4\
+        0017110101010100000000000000000000000002010011ffda0008010301013f014219a8eeffc4001911000105000000\
+        00000000000000000000000102030411ffda0008010201013f016c5a2573ffc400141001000000000000000000000000\
+        00000020ffda0008010100063f025fffc40017100101010100000000000000000000000001001151ffda000801010001\
+        3f210820eda25b4b7fffda000c0301000200030000001018efffc4001511010100000000000000000000000000001100\
+        ffda0008010301013f102131bfffc400161101010100000000000000000000000000010011ffda0008010201013f1017\
+        0e5fffc400191001010003010000000000000000000000010011213141ffda0008010100013f101019b9c793bc4ef6ec\
+        fc2bab897fffd9";
+
+    fn progressive() -> Vec<u8> {
+        let digit = |digit: u8| char::from(digit).to_digit(16).unwrap() as u8;
+        PROGRESSIVE.as_bytes().chunks_exact(2).map(|pair| digit(pair[0]) << 4 | digit(pair[1])).collect()
+    }
+
+    /// Returns the ranges of the scans' values in a file.
+    fn scans(file: &[u8]) -> Vec<std::ops::Range<usize>> {
+        let starts = file.windows(2).enumerate().filter(|(_, pair)| *pair == [MARKER, START_OF_SCAN]);
+        let of_start = |(at, _): (usize, &[u8])| {
+            let begin = at + 2 + usize::from(number(file, at + 2).unwrap());
+            let mut bits = Bits::of(&file[begin..]);
+            bits.pass_rest();
+            begin..file.len() - bits.rest.len()
+        };
+        starts.map(of_start).collect()
+    }
+
+    #[test]
+    fn each_scan_of_a_progressive_picture_has_the_values_of_its_blocks_and_no_more() {
+        let whole = progressive();
+        assert!(!is_damaged(&whole));
+        let scans = scans(&whole);
+        assert_eq!(scans.len(), 10);
+        for scan in scans {
+            let with = |values: &[u8]| [&whole[..scan.start], values, &whole[scan.end..]].concat();
+            let values = &whole[scan.clone()];
+            let is_long = values.len() > 3;
+            assert!(!is_long || is_damaged(&with(&values[..values.len() - 3])), "{scan:?}: cut off");
+            assert!(is_damaged(&with(&[values, &[0; 3]].concat())), "{scan:?}: more");
+            assert!(!is_damaged(&with(&[values, &[0]].concat())), "{scan:?}: one byte more");
+        }
     }
 }

@@ -1,0 +1,110 @@
+//! The compressed values of a JPEG's scan (ITU-T T.81, annex F): the tables of their codes, and the bits.
+
+use super::jpeg::MARKER;
+
+/// The second byte of the first of the eight markers for restarts.
+pub(super) const FIRST_RESTART: u8 = 0xd0;
+
+/// For each possible value of the next 16 bits, the length of the code with which they begin, and the code's value. The
+/// length is 0 if they begin with no code.
+pub(super) type Codes = Vec<[u8; 2]>;
+
+/// Adds the tables of codes of a segment to `codes`.
+pub(super) fn add_codes(codes: &mut [Codes; 8], mut data: &[u8]) -> Option<()> {
+    while let Some((kind, rest)) = data.split_first() {
+        let (lengths, mut rest) = rest.split_first_chunk::<16>()?;
+        let mut table = Vec::with_capacity(1 << 16);
+        for (length, count) in (1..).zip(lengths) {
+            let (values, after) = rest.split_at_checked(usize::from(*count))?;
+            values
+                .iter()
+                .for_each(|value| table.resize(table.len() + (1 << (16 - length)), [length as u8, *value]));
+            rest = after;
+        }
+        table.resize(1 << 16, [0, 0]);
+        *codes.get_mut(usize::from(kind >> 4 & 1) * 4 + usize::from(kind & 3))? = table;
+        data = rest;
+    }
+    Some(())
+}
+
+/// The bits of a scan.
+pub(super) struct Bits<'a> {
+    /// The bytes that are not in `word` yet.
+    pub(super) rest: &'a [u8],
+    /// The next bits, of which the lowest is the last.
+    word: u64,
+    /// Number of bits in `word`.
+    count: u32,
+    /// True if `word` has eight zeros after the last byte before a marker. Photoshop leaves out the last bits of some
+    /// pictures, if they are zeros.
+    is_padded: bool,
+}
+
+impl<'a> Bits<'a> {
+    pub(super) fn of(rest: &'a [u8]) -> Self {
+        Self { rest, word: 0, count: 0, is_padded: false }
+    }
+
+    /// Fills `word` with the bits before the next marker. If there are too few, adds eight zeros once.
+    fn fill(&mut self) {
+        while self.count <= 56 {
+            let (byte, length) = match *self.rest {
+                [MARKER, 0, ..] => (MARKER, 2),
+                [byte, ..] if byte != MARKER => (byte, 1),
+                _ if self.is_padded => return,
+                _ => {
+                    self.is_padded = true;
+                    (0, 0)
+                }
+            };
+            self.word = self.word << 8 | u64::from(byte);
+            self.count += 8;
+            self.rest = &self.rest[length..];
+        }
+    }
+
+    /// Passes a code and the bits after it. The lower half of the code's value states how many bits these are. Returns
+    /// the code's value.
+    pub(super) fn pass(&mut self, codes: &Codes) -> Option<u8> {
+        if self.count < 32 {
+            self.fill();
+        }
+        let next =
+            if self.count < 16 { self.word << (16 - self.count) } else { self.word >> (self.count - 16) };
+        let [length, value] = codes[next as usize & 0xffff];
+        self.count = self.count.checked_sub(u32::from(length) + u32::from(value & 15))?;
+        (length > 0).then_some(value)
+    }
+
+    /// Reads a number of at most 16 bits.
+    pub(super) fn number(&mut self, bits: u32) -> Option<u32> {
+        if self.count < bits {
+            self.fill();
+        }
+        self.count = self.count.checked_sub(bits)?;
+        Some((self.word >> self.count) as u32 & ((1 << bits) - 1))
+    }
+
+    /// Returns true if more than one byte is left before the next marker.
+    pub(super) fn has_more(&self) -> bool {
+        let added = if self.is_padded { 8 } else { 0 };
+        self.count.saturating_sub(added) >= 16 || !matches!(self.rest, [] | [MARKER] | [MARKER, 1..=0xff, ..])
+    }
+
+    /// Passes the marker for the restart `index`.
+    pub(super) fn pass_restart(&mut self, index: u8) -> Option<()> {
+        self.pass_rest();
+        let kind = self.rest.iter().position(|byte| *byte != MARKER)?;
+        let is_next = self.rest[kind] == FIRST_RESTART + index;
+        *self = Self::of(&self.rest[kind + 1..]);
+        is_next.then_some(())
+    }
+
+    /// Passes all bytes before the next marker.
+    pub(super) fn pass_rest(&mut self) {
+        while let [MARKER, 0, rest @ ..] | [0..=0xfe, rest @ ..] = self.rest {
+            self.rest = rest;
+        }
+    }
+}
