@@ -153,11 +153,11 @@ impl<'a, R: Real> Caster<'a, R> {
         sight.light < self.scene.lights.len()
     }
 
-    /// Returns by how much rounding may move a hit off its triangle's plane. This is the fraction `part` of the largest
-    /// of three lengths: the hit's distance from the eye, its distance from the scene's origin, and its distance from
-    /// the farthest corner of its triangle. A ray-triangle test subtracts numbers of this size. The normal of a thin
-    /// triangle is a small difference of large products; for such a triangle, the result is divided by four times the
-    /// sine of the angle between the edges.
+    /// Returns by how much rounding may move a hit off its triangle's plane. This is the fraction `part` of the
+    /// largest of three lengths: the hit's distance from the eye, its distance from the scene's origin, and its
+    /// distance from the farthest corner of its triangle. A ray-triangle test subtracts numbers that are as large as
+    /// this length. The normal of a thin triangle is a small difference of large products; for such a triangle, the
+    /// result is divided by four times the sine of the angle between the edges.
     pub fn off_plane(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> R::Vector {
         let triangle = &self.scene.mesh.triangles[hit.triangle as usize];
         let [a, b, c] = self.scene.mesh.corners(triangle).map(R::Vector::of);
@@ -171,8 +171,8 @@ impl<'a, R: Real> Caster<'a, R> {
         normal.normalize_or_zero() * (lengths.into_iter().fold(hit.t, R::max) * part * thinness)
     }
 
-    /// Returns the hit's triangle if a light is very low above it. Rounding moves the hit off the triangle's plane
-    /// ([`Self::off_plane`]), and so decides what the shadow ray to this light hits first.
+    /// Returns the hit's triangle if a light is very low above the triangle. Rounding moves the hit off the
+    /// triangle's plane ([`Self::off_plane`]), and so decides what the shadow ray to this light hits first.
     pub fn grazing(
         &self,
         seen: &Seen<'_>,

@@ -107,8 +107,8 @@ struct Tally {
     nodes: AtomicU32,
 }
 
-/// Casts each pixel in `grid` at its centre. For each pixel, a separate `Finder` (a search for hits) counts tests and
-/// nodes. Returns these counts.
+/// Casts the ray through the centre of each pixel in `grid`. For each pixel, a separate `Finder` (a search for hits)
+/// counts tests and nodes. Returns these counts.
 fn each_pixel<'a, F: Finder<f64> + 'a>(
     scene: &Scene,
     grid: Grid,

@@ -11,9 +11,10 @@ use crate::scene::{Mapped, Texture, Textures};
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// How far rounding may move a point in its mask, relative to the largest coordinate: about twice the error of
-/// weights, products and sums in single precision. That error is eight roundings. The mean of four texels' alpha is
-/// rounded as often; its error is at most this part of the largest alpha.
+/// How far rounding may move a point in its mask, relative to the largest coordinate. Devices compute the point
+/// from weights, products and sums in single precision, with eight roundings; the constant is about twice the error
+/// of eight roundings. The mean of four texels' alpha has as many roundings, so its error is at most this fraction
+/// of the largest alpha.
 const ROUNDING: f64 = 1e-6;
 /// The largest alpha, in steps of an 8-bit channel.
 const OPAQUE: u32 = 255;
@@ -42,7 +43,8 @@ impl<'a, R: Real> Solid<'a, R> {
         Lean::BOTH.map(|lean| Self { finder: Arc::clone(&self.finder), lean: Some(lean), ..*self })
     }
 
-    /// Passes hits to `visitor` in the order of distance: those on triangles that rounding has made larger or smaller.
+    /// Passes the hits on triangles that rounding has made larger or smaller (see `lean`) to `visitor`, in the order
+    /// of distance.
     fn visit_leaning(&self, ray: &Ray<R>, lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
         let (mut found, mut far) = (Vec::new(), ray.far);
         self.finder.visit_larger(ray, &mut |one| {
@@ -83,9 +85,10 @@ pub fn is_solid<R: Real>(textures: &Textures, hit: &Hit<R>, lean: Option<Lean>) 
     alpha >= R::of(mask.least_step())
 }
 
-/// Returns the least and the greatest alpha that rounding may give the point of a triangle with these weights, whose
-/// exact alpha is `alpha`. Alphas are in steps of an 8-bit channel. From texel to texel, alpha changes by at most the
-/// difference of the least and the greatest alpha near the point, and it never leaves the range between these two.
+/// The point of a triangle with these weights has the exact alpha `alpha`. Returns the least and the greatest alpha
+/// that rounding may give this point. Alphas are in steps of an 8-bit channel. From texel to texel, alpha changes by
+/// at most the difference of the least and the greatest alpha near the point, and alpha never leaves the range
+/// between these two.
 fn possible_alphas<R: Real>(mask: &Texture, row: &Mapped, weights: [R; 3], alpha: R) -> [R; 2] {
     let reach = [0, 1].map(|axis: usize| {
         let largest = row.corners.iter().map(|corner| f64::from(corner[axis].abs())).fold(1.0, f64::max);
@@ -98,7 +101,7 @@ fn possible_alphas<R: Real>(mask: &Texture, row: &Mapped, weights: [R; 3], alpha
 }
 
 /// Returns the least and the greatest alpha of the texels that a point's alpha may depend on if rounding moves the
-/// point. `reach` is how far rounding may move it along each axis, in texels.
+/// point. `reach` is how far rounding may move the point along each axis, in texels.
 fn alphas_near<R: Real>(mask: &Texture, row: &Mapped, weights: [R; 3], reach: [f64; 2]) -> [u32; 2] {
     let [columns, rows] = [0, 1].map(|axis: usize| {
         let size = mask.size[axis] as i32;
@@ -128,8 +131,8 @@ impl<R: Real> Finder<R> for Solid<'_, R> {
         });
     }
 
-    /// If there are no holes, and no triangles are made larger or smaller, the inner finder does the search. It may be
-    /// faster.
+    /// If there are no holes, and no triangles are made larger or smaller, the inner finder's own `any` does the
+    /// search, which may be faster.
     fn any(&self, ray: &Ray<R>) -> bool {
         if self.textures.is_none() && self.lean.is_none() {
             return self.finder.any(ray);

@@ -11,8 +11,8 @@ use super::ray::Ray;
 use super::real::{Real, Vector};
 use crate::strategy::Culling;
 
-/// The largest rounding error of a determinant, relative to the product of the lengths of its factors: the sum of the
-/// errors of the operations that compute it (`EDGE_ON_ROUNDING` in `cl/common/hit.cl`).
+/// The largest rounding error of a determinant, relative to the product of the lengths of its factors. The constant
+/// is the sum of the errors of all operations that compute a determinant (`EDGE_ON_ROUNDING` in `cl/common/hit.cl`).
 pub const ROUNDING: f64 = 6e-7;
 
 /// A ray counts as running along an edge if it is inside the edge by less than this fraction of the edge's error.

@@ -31,9 +31,9 @@ pub fn pixels_of_some_blocks(size: [u32; 2], some: usize) -> Vec<usize> {
 pub fn certain_blocks(means: &Reference, display: Display, first: u32) -> Vec<([u32; 2], bool)> {
     let size = [means.radiance.width, means.radiance.height];
     let limit = rough_steps(first);
-    // The radiance of a certain pixel may be off by a fraction of itself, the relative limit. With a gamma of 2, the
-    // displayed value is then off by at most half of this fraction of itself, and the difference of two displayed values
-    // by at most this fraction of the largest value, 255.
+    // The radiance of a certain pixel may be off by the fraction `RELATIVE_LIMIT` of itself. With a gamma of 2, the
+    // displayed value is then off by at most half of this fraction of itself, and the difference of two displayed
+    // values by at most this fraction of the largest value, 255.
     let close = 0.01 * limit + 255.0 * RELATIVE_LIMIT;
     let starts: Vec<_> = block_starts(size).collect();
     let judged = |start: &[u32; 2]| {

@@ -1,6 +1,7 @@
 //! Shades a hit; the counterpart for devices is `cl/cast/shade`. Following Hughes et al., section 15.4, surfaces
-//! reflect only direct light. What a surface emits itself is added, and lights no other surface. A sky usually
-//! contributes the light from one direction per sample; a shiny surface also mirrors a sky with a picture.
+//! reflect only direct light. The radiance that a surface emits is added to the reflected light; emitted light
+//! does not light other surfaces. A sky usually contributes the light from one direction per sample; a shiny
+//! surface also mirrors a sky with a picture.
 
 use super::intersect::Hit;
 use super::ray::Ray;
@@ -55,7 +56,7 @@ pub fn surface_at<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>) -> [R::Vec
 }
 
 /// Moves a point of a triangle onto a smooth surface, so that the facets of a coarse mesh do not shadow each other in
-/// steps. `weights` are the point's weights of the corners. cl/common/smooth_shadows.cl explains the method.
+/// steps. `weights` are the point's barycentric weights. cl/common/smooth_shadows.cl explains the method.
 pub fn smooth_point<R: Real>(
     point: R::Vector,
     weights: [R; 3],
@@ -138,10 +139,10 @@ pub fn shade_at<R: Real>(
     })
 }
 
-/// Returns how bright a light is from a direction, relative to a point light of the same power, which is 1. `w_i` is the
-/// unit vector towards the light. An area light has the same radiance everywhere on its front, so that its light is
-/// proportional to the cosine of the angle to the front's normal. The factor is 4, because the mean of max(cosine, 0) over
-/// all directions is 1/4.
+/// Returns how bright a light is from a direction, relative to a point light of the same power. For a point light,
+/// the function returns 1. `w_i` is the unit vector towards the light. An area light has the same radiance everywhere
+/// on its front, so its light is proportional to the cosine of the angle between the direction and the front's
+/// normal. The factor is 4, because the mean of max(cosine, 0) over all directions is 1/4.
 pub fn share_towards<R: Real>(light: &Light, w_i: R::Vector) -> R {
     let towards = |front| (R::from(-4.0) * R::Vector::of(front).dot(w_i)).max(R::ZERO);
     light.area.map_or(R::ONE, |area| towards(area.front()))

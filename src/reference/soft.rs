@@ -1,6 +1,6 @@
-//! Computes what a sample of a pixel sees: a point of each light that has an extent, and one direction of the sky. The
-//! counterpart for devices is `cl/common/soft.cl`; both compute the same numbers from
-//! which they choose points and directions, bit for bit.
+//! Computes what a sample of a pixel sees: a point of each light that has an extent, and one direction of the sky.
+//! The counterpart for devices is `cl/common/soft.cl`; both choose the points and directions from the same numbers,
+//! equal bit for bit.
 
 use super::environment::radiance_of_picture;
 use super::real::{Real, Vector};
@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 /// The lights, each at the point that a pixel's sample sees, and the sky.
 #[derive(Clone, Debug)]
 pub struct Seen<'a> {
-    /// The scene's lights, where those with an extent are at one of their points.
+    /// The scene's lights. A light with an extent is replaced by a light at one of its points.
     pub lights: Cow<'a, [Light]>,
     /// The sky, and a point of the unit sphere that determines the direction in which it is seen.
     pub sky: Option<(&'a Sky, DVec3)>,
@@ -34,7 +34,8 @@ impl<'a> Seen<'a> {
         let placed = || (0..).zip(&scene.lights).map(|(number, light)| placed(light, number, sample, pixel));
         let lights = if soft { placed().collect() } else { Cow::Borrowed(&scene.lights[..]) };
         let source = scene.lights.len() as u32;
-        // Unoccluded light of the sky is a mean around the normal.
+        // Unoccluded light of the sky is a mean over all directions around the normal, so no direction is
+        // chosen.
         let point = if unoccluded { DVec3::ZERO } else { on_sphere(numbers(source, sample, pixel)) };
         let sky = scene.sky.as_ref().map(|sky| (sky, point));
         let [first, second, _] = numbers(source + 1, sample, pixel);
@@ -48,8 +49,8 @@ impl<'a> Seen<'a> {
         Self { lights: self.lights.clone(), sky, turn: self.turn + by, ..*self }
     }
 
-    /// Returns a half vector around a normal, with a probability proportional to the cosine to the power of
-    /// `shininess`.
+    /// Returns a half vector near a normal. The half vector is chosen with a probability proportional to
+    /// the cosine of its angle to the normal, to the power of `shininess`.
     pub fn half_vector<R: Real>(&self, normal: R::Vector, shininess: f32) -> R::Vector {
         let [a, b] = self.mirrored;
         let squared_sine = -(2.0 / (f64::from(shininess) + 1.0) * a.ln()).exp_m1();
@@ -92,7 +93,8 @@ pub fn mean_of_sky<R: Real>(sky: &Sky, normal: R::Vector) -> R::Vector {
     R::Vector::of(sky.horizon) * (R::ONE - height) + R::Vector::of(sky.zenith) * height
 }
 
-/// Returns a light with an extent as a sample sees it: at a point of its ball or its surface.
+/// Returns a light with an extent as a sample of a pixel sees it: moved to one point of its ball or its
+/// surface.
 fn placed(light: &Light, number: u32, sample: Sample, pixel: [u32; 2]) -> Light {
     if !light.has_extent() {
         return *light;

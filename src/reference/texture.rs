@@ -9,8 +9,8 @@ use std::sync::LazyLock;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
 
-/// Returns the colour between a triangle's corners at a hit, in linear light; white if corners have no colours. The
-/// counterpart for devices is `cl/common/corner_colours.cl`.
+/// Returns the colour at a hit, interpolated between the colours of the triangle's corners, in linear light; white
+/// if corners have no colours. The counterpart for devices is `cl/common/corner_colours.cl`.
 pub fn corner_colour<R: Real>(mesh: &Mesh, hit: &Hit<R>) -> R::Vector {
     let Some(corners) = mesh.corner_colours.get(hit.triangle as usize) else {
         return R::Vector::of(Vec3::ONE);
@@ -37,8 +37,8 @@ pub fn texture_colour<R: Real>(
     Some(filtered_colour(mesh, row.texture?, hit, direction, width))
 }
 
-/// Returns the colour, where the cone meets the hit, of the texture by which the hit's emitted radiance is multiplied;
-/// `None` if there is no such texture.
+/// Returns the colour of the triangle's emission texture, by which the emitted radiance is multiplied, where a
+/// pixel's cone meets the hit; `None` without an emission texture.
 pub fn emission_colour<R: Real>(
     mesh: &Mesh,
     hit: &Hit<R>,
@@ -95,7 +95,7 @@ fn texel_side<R: Real>(
 /// The four texels around a point of a texture: two in the row above it, two in the row below.
 pub struct Texels<R> {
     texels: [u32; 4],
-    /// The shares of the right column and of the lower row.
+    /// The shares (weights) of the right column and of the lower row, from 0 to 1.
     shares: [R; 2],
 }
 
@@ -143,8 +143,8 @@ fn least<R: Real>(a: R, b: R) -> R {
     if a < b { a } else { b }
 }
 
-/// Returns the texel in this column and row of a mip level. A texel beyond an edge is the one with which the texture
-/// continues there.
+/// Returns the texel in this column and row of a mip level. For a place beyond an edge, returns the texel with which
+/// the texture continues there.
 pub fn texel(texture: &Texture, level: u32, place: [i32; 2]) -> u32 {
     let [width, height] = texture.level_size(level);
     let [x, y] = [(width, 0), (height, 1)].map(|(size, axis)| {

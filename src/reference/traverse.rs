@@ -16,7 +16,7 @@ pub trait Finder<R: Real>: Send + Sync {
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R);
 
     /// Passes the hits on triangles that rounding has made larger, in the same way as [`Self::visit`]. Finders that
-    /// count tests pass none.
+    /// count tests pass no hits.
     fn visit_larger(&self, _ray: &Ray<R>, _visitor: &mut dyn FnMut(LargerHit<R>) -> R) {}
 
     /// Returns the hit nearest to the ray's origin; of several equally near ones, the hit on the triangle
