@@ -83,8 +83,9 @@ fn hash_object(folder: &Path) -> Command {
     command
 }
 
-/// Returns a git command for the repository of a folder. The command fetches nothing: an empty list of allowed
-/// protocols also forbids the protocols that the repository's configuration allows.
+/// Returns a git command for the repository of a folder. The command fetches nothing, because its list of
+/// allowed protocols is empty. An empty list forbids even the protocols that the repository's configuration
+/// allows.
 fn git(folder: &Path) -> Command {
     let mut command = Command::new("git");
     for name in REDIRECTIONS {

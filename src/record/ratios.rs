@@ -72,10 +72,9 @@ pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<
 }
 
 /// Returns the ratio of the times of two passes of a record's frames, with its interval. `ratios` contains
-/// the launch of each sample, and the sample's ratio of the two times. A pass is treated like a point: from
-/// run to run, its time changes by a factor of its own, and by a factor that all points share. In the ratio
-/// of two passes, the factor that is the same for all points cancels. Returns `None` if the record has too
-/// few samples.
+/// the launch of each sample, and the sample's ratio of the two times. A pass is treated like a point. From
+/// run to run, the time of a pass changes by a factor of its own and by a factor that all points share. In
+/// the ratio of two passes, the shared factor cancels. Returns `None` if the record has too few samples.
 pub(crate) fn ratio_of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Interval> {
     let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
     let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();

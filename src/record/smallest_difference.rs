@@ -40,9 +40,9 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     notes
 }
 
-/// Returns a note if the ratios of some points of a group follow from medians, because the points were measured neither
-/// in the same rounds nor in blocks (parts of a group) with the same control point; otherwise `None`. Baselines are
-/// left out.
+/// Returns a note if raycl computes the ratios of some points of a group from their medians; otherwise `None`. raycl
+/// does so if the points were measured neither in the same rounds nor in blocks (parts of a group) with the same
+/// control point. Baselines are left out.
 pub(crate) fn apart_note(records: &[Record]) -> Option<String> {
     let groups = groups(records);
     let kernels: Vec<&Group<'_>> = groups.iter().filter(|group| group.device != HOST).collect();

@@ -97,8 +97,8 @@ impl<'a> Group<'a> {
         ranking(self.records.iter().copied())
     }
 
-    /// Returns the fastest record with a rank that matches `wanted`. If no record with a rank matches, returns the
-    /// record with the shortest median time among those without a rank that match.
+    /// Returns the fastest of the ranked records for which `wanted` is true. If there is no such record, returns
+    /// the record with the shortest median time among the unranked records for which `wanted` is true.
     pub fn best_where(&self, wanted: impl Fn(&Record) -> bool) -> Option<&'a Record> {
         let Ranking { ranked, unranked, .. } = self.ranking();
         let shortest = || {

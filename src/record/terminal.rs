@@ -15,10 +15,10 @@ use crate::numbers::{by, duration, ms, significant};
 use crate::printer::{line, plain};
 use crate::strategy::Infeasible;
 
-/// Returns a table of medians for every scene, image size and device, but for the host only a line with the times of
-/// its baselines. A legend and the notes on scenes follow the tables. A star marks the fastest points. For a point
-/// without a time, the table shows a word for the reason, which the legend explains. If `coloured` is true, winners are
-/// green and points without a time are yellow.
+/// Returns a table of medians for every scene, image size and device. For the host, returns a line with the times of
+/// the baselines instead of a table. A legend and the notes on scenes follow the tables. A star marks the fastest
+/// points. For a point without a time, the table shows a word for the reason, which the legend explains. If
+/// `coloured` is true, winners are green and points without a time are yellow.
 pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     let groups = groups(records);
     let names = common_names(groups.iter().map(|group| group.device));

@@ -368,8 +368,8 @@ impl Record {
         self.is_baseline() || self.traversal().is_some_and(Traversal::tests_every_triangle)
     }
 
-    /// Returns true if rays traverse a tree in the point's strategy, each ray separately, or the rays of a
-    /// packet or a tile together.
+    /// Returns true if the point's strategy uses a tree. In some of these strategies, each ray traverses
+    /// the tree separately; in others, the rays of a packet or a tile traverse it together.
     pub fn walks_tree(&self) -> bool {
         self.traversal().is_some_and(Traversal::walks_tree)
     }
