@@ -71,7 +71,8 @@ pub struct Speedup {
     pub range: String,
 }
 
-/// Points without a time whose reasons are the same in brief.
+/// Points that have no time for the same reason. The brief reason (`word`) is the same for all of these
+/// points; their full reasons may differ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     /// The reason in brief, such as "local" (too little `__local` memory) or "wrong-image".

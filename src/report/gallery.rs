@@ -203,7 +203,7 @@ fn tests_caption(record: &Record) -> String {
         "only triangles in leaves that the rays reach"
     };
     format!(
-        "The number of triangles that the rays of each pixel are tested against, counted on the host: {how}. Shadow rays are counted only for the nearest hit, as if each pixel were shaded once. Dark means few, light means many."
+        "The number of triangles that the rays of each pixel are tested against, counted on the host: {how}. Shadow rays are counted only for the nearest hit of each primary ray, although kernels with eager shading also cast shadow rays from other hits. Dark means few, light means many."
     )
 }
 

@@ -48,7 +48,7 @@ impl<'a> Origins<'a> {
         let baselines_of = |records: Vec<Record>| -> Vec<Record> {
             records.into_iter().filter(Record::is_baseline).collect()
         };
-        // The other records are not kept: a second copy of all records would need much memory, and the
+        // Only the baselines are kept. A second copy of all records would need much memory, and the
         // function `baselines` would search all of them for each group.
         let baselines = records.into_iter().map(baselines_of).collect();
         Self { folders, labels, baselines, folder_indices, repeated }

@@ -85,10 +85,10 @@ fn exports(records: &[Record]) -> Result<Files> {
     Ok(files)
 }
 
-/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`, and removes plots that an earlier `raycl
-/// reproduce` wrote and this one does not. `folders` contain the results of the paper's configs. Returns the path of
-/// `reproduction.html`, and a text with each device's answer: the best memory strategy and local size, why the
-/// strategy is the best, and how certain the answer is.
+/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`, and removes those plots of an earlier
+/// `raycl reproduce` that the new page does not contain. `folders` contain the results of the paper's configs.
+/// Returns the path of `reproduction.html`, and a text with each device's answer: the best memory strategy and local
+/// size, why the strategy is the best, and how certain the answer is.
 pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<(PathBuf, String)> {
     let page = Reproduction::of(folders)?;
     let [html, json] = REPRODUCTION.map(str::to_owned);

@@ -44,8 +44,8 @@ pub struct Cell {
     pub tip: String,
 }
 
-/// Returns a table for each device that has, in at least one group of points, times of two strategies that differ in a
-/// single axis. `groups` are the groups of `records`.
+/// Returns at most one table per device. A device has a table if, in at least one of its groups of points, two
+/// strategies that differ in a single axis both have a time. `groups` are the groups of `records`.
 pub fn tables(records: &[Record], groups: &[Group<'_>]) -> Vec<Table> {
     changes(records, groups).iter().map(table).collect()
 }

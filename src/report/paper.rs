@@ -1,6 +1,6 @@
-//! The run times in milliseconds that were published in the student paper that raycl reproduces, and the configs of
-//! `raycl reproduce`. The authors of raycl read the times off the plots in the
-//! paper's Figures 6 to 8. The program contains the configs, so that `raycl reproduce` needs no further files.
+//! The run times, in milliseconds, that a student paper published, and the configs of `raycl reproduce`, which
+//! repeats the paper's experiments. The authors of raycl read the times off the plots in the paper's Figures 6 to
+//! 8. The program contains the configs, so `raycl reproduce` needs no further files.
 
 use include_dir::{Dir, include_dir};
 

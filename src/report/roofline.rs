@@ -197,7 +197,8 @@ fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
 enum Rates<'a> {
     /// The plot has roofs.
     Known,
-    /// The plot has no roofs, because the rate of multiply-adds is 0, or those of both memories.
+    /// The plot has no roofs, because the rate of multiply-adds is 0, or because the rates of both memories
+    /// are 0.
     Zero,
     /// There are no peak rates. The element contains a message for each file of peak rates that cannot be read.
     Unknown(&'a [String]),

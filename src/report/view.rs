@@ -15,8 +15,8 @@ use crate::record::{Group, Outcome, Record, interval, median, quartiles, ratio, 
 /// The image size in the figures of the student paper that raycl reproduces, in pixels across and down. The plots of
 /// [`lines`] show the times that the paper published only at this image size.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
-/// The largest number of characters of the word with which a heat map's cell shows the reason why a point is
-/// infeasible. If the word has more characters, the heat map's cell shows "unfit".
+/// In a heat map, the cell of an infeasible point shows a word for the reason. If the word has more
+/// characters than `LONGEST_CODE`, the cell shows "unfit" instead.
 const LONGEST_CODE: usize = 8;
 /// The largest number of points (rows) in the plot of samples.
 const STRIPS: usize = 14;

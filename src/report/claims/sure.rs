@@ -113,8 +113,9 @@ const LONGER_FRAMES: &str =
     "longer frames, such as those of a larger image: the times are below the timer's resolution";
 
 /// Returns why the ratio of two records' times is unknown: a record has too few samples, or times of 0. If both
-/// records have such a reason, returns the reason of the record for which [`fewest`] is smaller: the number of samples
-/// with a time above 0, in the launch with the fewest such samples. Returns `None` if neither record has such a reason.
+/// records have such a reason, returns the reason of the record for which [`fewest`] is smaller. ([`fewest`] returns
+/// the number of samples with a time above 0 in the launch with the fewest such samples.) Returns `None` if neither
+/// record has such a reason.
 fn why_unsure(slow: &Record, fast: &Record) -> Option<String> {
     let reasons = [slow, fast].into_iter().filter_map(|record| Some((fewest(record), not_enough(record)?)));
     reasons.min_by_key(|(n, _)| *n).map(|(_, why)| why)
@@ -140,8 +141,8 @@ fn why_unsure_of_passes(times: &[(u32, [f64; 2])]) -> String {
     }
 }
 
-/// Returns a text that says how many samples a verdict needs. A launch takes at least so many samples, unless
-/// `timing.max_samples` in the config is smaller.
+/// Returns a text that says how many samples a verdict needs. Every launch takes at least this number of
+/// samples of a point, unless `timing.max_samples` in the config is smaller.
 fn more_samples() -> String {
     format!(
         "{MIN_SAMPLES} samples of each point per launch; `timing.max_samples` must be at least {MIN_SAMPLES}"

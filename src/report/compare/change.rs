@@ -1,7 +1,8 @@
 //! Computes the change of a point's time from one run to another. A machine's speed differs from run to run.
 //! Each time is therefore first divided by a reference time from the same rounds: the time of the anchor (a
 //! fixed kernel), or the mean time of baselines or of other kernels. If the two runs used different devices,
-//! times are not divided by those of other kernels: the factor by which one device is faster would cancel.
+//! times are not divided by the times of other kernels, because the factor by which one device is faster
+//! than the other would cancel.
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
@@ -35,10 +36,10 @@ type Found<'a> = (Vec<Both<'a>>, Against);
 /// The names of the devices of a pair of records.
 type Devices<'a> = [&'a str; 2];
 
-/// The references of all compared points. Which points are the references of a point depends only on the
-/// rounds in which the two runs measured this point and, if the references are kernels, on the point's
-/// device. The key of the map identifies these rounds (see [`rounds`]). In a value of the map, the names of the
-/// device are `None` if the references are those of all points of the rounds.
+/// The references of all compared points. Which points are the references of a point depends only on the rounds
+/// in which the two runs measured this point and, if the references are kernels, on the point's device. The key
+/// of the map identifies these rounds (see [`rounds`]). In a value of the map, `Some` contains the names of the
+/// device whose points have the references, and `None` means that all points of the rounds have the references.
 pub(super) struct References<'a>(HashMap<[blake3::Hash; 2], Vec<(Option<Devices<'a>>, Found<'a>)>>);
 
 impl<'a> References<'a> {
@@ -76,8 +77,8 @@ impl<'a> References<'a> {
         of_rounds.iter().find(|(device, _)| device.is_none_or(is_own)).map(|(_, found)| found)
     }
 
-    /// Returns true if the point's times are compared without a reference, because the two runs measured no
-    /// kernel of the point's rounds on the same device, and have no baseline in common.
+    /// Returns true if the point's times are compared without a reference. This is so if the two runs have
+    /// no baseline in common, and measured every kernel of the point's rounds on different devices.
     fn are_bare(&self, pair: Both<'_>) -> bool {
         self.found(pair).is_some_and(|(_, against)| *against == Against::BareTimes)
     }
@@ -88,8 +89,9 @@ fn devices<'a>((before, after): &Both<'a>) -> Devices<'a> {
     [&before.device, &after.device]
 }
 
-/// Returns the names of those pairs of devices in `all` that are two different devices. A device is the same
-/// if its name is the same, or if records with equal keys show that only its name differs in the second run.
+/// Returns those pairs of devices' names in `all` that name two different devices. Two names belong to the
+/// same device if the names are equal, or if records with equal keys show that the device only has another
+/// name in the second run.
 fn other_devices<'a>(all: &[Both<'a>]) -> HashSet<Devices<'a>> {
     let renamed: HashSet<_> =
         all.iter().filter(|(before, after)| before.key == after.key).map(devices).collect();
@@ -103,12 +105,12 @@ fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
     Some([rounds_of(before)?, rounds_of(after)?])
 }
 
-/// Returns those of the points `beside` by whose mean time other times are divided (the references). Beside
-/// the references stand the names of the device whose points have these references, or `None` if all points
-/// have them. All points in `beside` were measured in the same rounds. The baselines that have the same key in
-/// both runs are the references of all points. Without such baselines, the references are kernels (see
-/// [`of_each_device`]), but there are no references if the two devices of every kernel are a pair of
-/// `other_devices`: the factor by which one device is faster would cancel.
+/// Returns the references among the points `beside`, which were measured in the same rounds. (Other times are
+/// divided by the mean time of the references.) Each list of references is returned with the names of the
+/// device whose points have these references, or with `None` if all points have them. The baselines that have
+/// the same key in both runs are the references of all points. Without such baselines, the references are
+/// kernels (see [`of_each_device`]). If the two devices of every kernel are a pair of `other_devices`, there
+/// are no references, because the factor by which one device is faster would cancel.
 fn among_group<'a>(
     beside: &[Both<'a>],
     other_devices: &HashSet<Devices<'a>>,
@@ -126,9 +128,10 @@ fn among_group<'a>(
     }
 }
 
-/// Returns, for each device, the half of its `kernels` whose changes are closest to the median change (see
-/// [`alike`]); no kernels if one half of them has clearly larger changes than the other half. Leaves out devices with
-/// fewer than three kernels, since nobody could know which of two kernels became faster or slower.
+/// Returns, for each device, the half of the device's `kernels` whose changes are closest to the median change (see
+/// [`alike`]). If one half of these kernels has clearly larger changes than the other half, returns no kernels of the
+/// device. Leaves out devices with fewer than three kernels: if the times of two kernels change by different factors,
+/// nobody can know which of the two kernels became faster or slower.
 fn of_each_device<'a>(kernels: &[Both<'a>]) -> Vec<(Option<Devices<'a>>, Found<'a>)> {
     let mut of_devices: HashMap<Devices<'a>, Vec<Both<'a>>> = HashMap::new();
     for &pair in kernels {
@@ -161,7 +164,7 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
         _ => 0.0,
     };
     beside.sort_by(|a, b| own(a).total_cmp(&own(b)));
-    // Of an odd number of points, both indices are that of the point in the middle.
+    // If the number of points is odd, both indices are that of the point in the middle.
     let (below, above) = (beside[(beside.len() - 1) / 2], beside[beside.len() / 2]);
     if are_apart(below, above) {
         return Vec::new();

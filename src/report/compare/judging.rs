@@ -58,10 +58,10 @@ pub fn judged_with_anchors(folders: [&Folder; 2]) -> [Folder; 2] {
     })
 }
 
-/// Returns pairs of records of the same control point, one from each folder. In each folder, the pair's record was
-/// measured in the same rounds as the record of a compared point, which is the same point in both folders. At least one
-/// record of a pair is from a block that borrowed the control point: the block measured the control point although the
-/// point belongs to another block.
+/// Returns pairs of records of the same control point, one from each folder. A pair is returned only if there is a
+/// compared point whose records were measured, in both folders, in the same rounds as the records of the pair. At
+/// least one record of a pair is from a block that borrowed the control point: the block measured the control point
+/// although the point belongs to another block.
 pub fn pairs_of_controls(
     folders: [&Folder; 2],
     compared: &[Pair],

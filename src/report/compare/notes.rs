@@ -42,8 +42,8 @@ pub(super) fn different_devices(
     devices.iter().filter_map(note).collect()
 }
 
-/// Returns the elements of the list `own` that are not in the list `other`. The lists are the same property of two
-/// devices.
+/// Returns the elements of the list `own` that are not in the list `other`. The two lists contain the same
+/// property of two devices.
 fn not_in<'a>(other: &'a [String], own: &'a [String]) -> impl Iterator<Item = &'a String> {
     own.iter().filter(move |part| !other.contains(part))
 }
@@ -167,9 +167,9 @@ impl Comparison {
         })
     }
 
-    /// Returns a note on the points whose times were divided by those of other points that changed by similar
-    /// factors; `None` if there are no such points. The note names the points, unless it concerns all points
-    /// with a known change.
+    /// Returns a note on the points whose times were divided by the times of other points, which changed by
+    /// factors similar to each other; `None` if there are no such points. The note names the points, unless
+    /// it concerns all points with a known change.
     fn without_baseline(&self) -> Option<String> {
         let is_in_common = |pair: &&Pair| matches!(pair.change, Some((_, Against::PointsInCommon)));
         let names: Vec<String> =

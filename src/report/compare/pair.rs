@@ -23,7 +23,8 @@ pub struct Pair {
     pub change: Option<(Interval, Against)>,
 }
 
-/// By which other measurements, if any, both times of a point are divided to compute the change of its time.
+/// The measurements, if any, by whose times both times of a point are divided to compute the change of the
+/// point's time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {

@@ -171,9 +171,9 @@ fn mean<'a>(
 /// Returns the mean change of points that were measured together, on one device; `None` if the points' times must be
 /// divided by those of other work (references), but there is no such work. Without an anchor and without baselines,
 /// only kernels that are not part of the mean can be references, so the mean of all points has no references.
-/// `controls` are the control points of the mean's strategy (of all strategies for the mean of all points) that
-/// blocks borrowed (measured although they belong to other blocks). Neither these control points nor the points of
-/// `group` can be references.
+/// `controls` contains the borrowed control points of the mean's strategy or, for the mean of all points, of all
+/// strategies. (A block borrows a control point if it measures the point although the point belongs to another
+/// block.) Neither these control points nor the points of `group` can be references.
 fn change_of_group<'a>(
     group: &[&'a Pair],
     controls: &[Both<'a>],

@@ -411,8 +411,9 @@ fn sure(contest: &Contest<'_>) -> String {
 }
 
 /// Returns a text that names the points of the preset `naive` that tie for fastest, if `naive` at its best local size
-/// does not tie; otherwise an empty text. The ratio of these points to the fastest point is not smaller than that of
-/// the best local size, so they tie only because the interval of their ratio is wider.
+/// does not tie; otherwise an empty text. Divided by the time of the fastest point, the time of such a point is not
+/// smaller than the time of `naive` at its best local size, so such a point ties only because the interval of its
+/// ratio is wider.
 fn slow_naive(contest: &Contest<'_>) -> String {
     let winners = &contest.ranking.winners;
     let best = contest.naive.filter(|naive| winners.iter().all(|winner| winner.key != naive.key));
