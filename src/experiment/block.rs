@@ -139,9 +139,9 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     pieces
 }
 
-/// Returns the fastest point among the points that every device can measure. If there is no point that every device can
-/// measure, returns the fastest of the points that take time: a point that no device can measure takes none. If no
-/// point takes time, returns the first point; `None` if there is no point.
+/// Returns the fastest point among the points that every device can measure. If there is no such point, returns the
+/// fastest of the points whose expected time is above 0. (A point that no device can measure has the expected time
+/// 0.) If all expected times are 0, returns the first point; `None` if there is no point.
 fn control(group: &[Cost]) -> Option<&Cost> {
     let fastest = |suits: fn(&&Cost) -> bool| {
         group.iter().filter(suits).min_by(|one, other| one.ms.total_cmp(&other.ms))
@@ -150,10 +150,10 @@ fn control(group: &[Cost]) -> Option<&Cost> {
 }
 
 /// Assigns blocks to shards, in descending order of the blocks' expected times. Each block goes to the shard whose
-/// blocks, until then, have the least expected time in all. Returns the expected time of the shard that takes longest.
-/// `alone_ms` returns the expected time of a point with the start of its workers. The expected time of each piece of a
-/// group includes the control point and a start of workers. But a shard with several of these pieces starts workers and
-/// measures the control point only once (see [`joined`]), so this time is subtracted for every further piece.
+/// blocks so far have the least total expected time. Returns the expected time of the shard that takes longest.
+/// `alone_ms` returns the expected time of a point with the start of its workers. The expected time of each piece of
+/// a group includes the control point and a start of workers. But a shard with several of these pieces starts workers
+/// and measures the control point only once (see [`joined`]), so this time is subtracted for every further piece.
 fn deal(blocks: &mut [Priced], shards: u32, alone_ms: impl Fn(usize) -> f64) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));

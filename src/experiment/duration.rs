@@ -61,9 +61,9 @@ pub struct Expected {
 struct Known {
     /// Time of one sample of the point.
     sample_ms: f64,
-    /// Time of a check in a later launch, which loads the program (without a cache, compiles it) and only hashes the
-    /// picture. Then the time of the check in the first launch, which also compiles the program if it is in no cache,
-    /// and compares the picture with the reference.
+    /// Times of two checks: of a check in a later launch, and of the check in the first launch. A later launch loads
+    /// the program (without a cache, compiles it), and only hashes the picture. The first launch compiles the program
+    /// if it is in no cache, and compares the picture with the reference.
     check_ms: [f64; 2],
     /// Number of samples of the point per launch. `None` if the earlier record's key differs from the point's
     /// key, because the rule that ends the sampling may differ too.
@@ -206,7 +206,7 @@ impl Run<'_> {
         let build_ms = earlier.build_ms.unwrap_or(0.0);
         match (self.caches_programs, earlier.build_from_cache) {
             // The earlier run compiled the program in `build_ms`. raycl's cache is assumed to hold the program now.
-            // The short time to load the program is unknown.
+            // The time to load it is short, and counts as 0, since it is unknown.
             (true, Some(false)) => 0.0,
             // Each launch compiles the program, but the earlier run only loaded it.
             (false, Some(true)) => build_ms.max(COMPILE_MS),

@@ -3,8 +3,8 @@
 /// Points ordered by their times, fastest first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranking<T> {
-    /// The fastest point with a rank, and every other point that ties with it. Two other winners need not tie with each
-    /// other.
+    /// The fastest point with a rank, and every other point that ties with it. Two winners that both tie with the
+    /// fastest point need not tie with each other.
     pub winners: Vec<T>,
     /// Every point with a rank, including the winners: a point with enough samples, none of which has the time 0.
     pub ranked: Vec<T>,

@@ -21,8 +21,9 @@ pub struct StoppingRule {
     pub max_samples: usize,
     /// Samples are precise if their standard deviation divided by their mean is below this value.
     pub relative_sigma: f64,
-    /// The limit of the time per point, as a mean over the group. Even if this time limit is exceeded, the launch
-    /// continues until each point has [`MIN_SAMPLES`] samples that count, or `max_samples` if that is less.
+    /// The time limit of a launch, divided by the number of the group's points. Even if this time limit is
+    /// exceeded, the launch continues until each point has [`MIN_SAMPLES`] samples that count, or `max_samples`
+    /// if that is less.
     pub time_limit_ms: f64,
 }
 

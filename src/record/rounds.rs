@@ -116,7 +116,7 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     };
     Some(format!(
         "Disturbed: {launches}, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other processes kept \
-         {} of {} processors busy{stolen}. This load may have made times longer: if \
+         {} of {} processors busy{stolen}. This load may have made times longer. If \
          possible, stop the other programs and run the experiment again.",
         significant(worst.others, 2),
         worst.processors

@@ -33,7 +33,7 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
             some => format!("{some} of {measured} points, such as {} {}", one.scene, by(one.image_size)),
         };
         notes.push(format!(
-            "Measured in only one launch of the program: {whose}. The intervals of these points do not include differences between launches; more launches (`launches` in the config's `[timing]`) measure these differences. If a note says that launches were left out, run the experiment again."
+            "Measured in only one launch of the program: {whose}. The intervals of these points do not include differences between launches. To measure these differences, set more launches (`launches` in the config's `[timing]`). If a note says that launches were left out, run the experiment again."
         ));
     }
     notes.extend(smallest_difference_note(records));
@@ -50,9 +50,9 @@ pub(crate) fn apart_note(records: &[Record]) -> Option<String> {
     let Group { scene, image_size, device, .. } = apart.first()?;
     Some(format!(
         "In {}, such as {scene} {} on {device}, not all points were measured together, for example because of \
-         `--resume` or because they come from several folders. If two points were not measured together, their ratio \
-         follows from their medians: the ratio includes every change of the machine between the two measurements, so \
-         a difference must be larger to be detected.",
+         `--resume` or because they come from several folders. If two points were not measured together, raycl \
+         computes their ratio from their medians. This ratio includes every change of the machine between the two \
+         measurements, so only larger differences are detected.",
         counted_of(apart.len(), kernels.len(), "group of points"),
         by(*image_size)
     ))

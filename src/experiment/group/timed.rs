@@ -75,10 +75,10 @@ impl Latency {
         self.waited += start.elapsed();
     }
 
-    /// Of two readings of the core-to-core latency, before and after a sample that has just ended, returns
-    /// the reading that decides whether the sample counts, in nanoseconds (see [`decisive_ns`]). If the last
-    /// reading was taken less than [`READING_EVERY`] ago, takes no new reading, and returns the last reading.
-    /// Returns `None` if no reading is known.
+    /// The core-to-core latency is read before and after a sample. For a sample that has just ended, returns
+    /// the one of these two readings, in nanoseconds, that decides whether the sample counts (see
+    /// [`decisive_ns`]). If the last reading was taken less than [`READING_EVERY`] ago, takes no new reading,
+    /// and returns the last reading. Returns `None` if no reading is known.
     fn around_sample(&mut self, near_ns: f64) -> Option<f64> {
         let (at, before) = self.last?;
         if at.elapsed() < READING_EVERY {

@@ -13,7 +13,8 @@ use super::interval::{Interval, biased};
 pub struct Relative {
     /// The ratio of two times, with the error of this ratio alone.
     pub(super) ratio: Interval,
-    /// The variance of the error that the logarithm of this ratio has in common with those of other ratios.
+    /// The variance of the error that the logarithm of this ratio has in common with the logarithms of
+    /// other ratios.
     pub(super) common: f64,
 }
 

@@ -94,7 +94,7 @@ pub(super) fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Opti
         let [before, after] = [before, after].map(|ns| significant(ns, 2));
         let [first, second] = labels;
         format!(
-            "The core-to-core latency was {before} ns in {first} and {after} ns in {second}: the processors \
+            "The core-to-core latency was {before} ns in {first} and {after} ns in {second}. The processors \
              of one run were probably farther apart than those of the other run. The distance between \
              processors affects times, above all those of kernels whose work-groups share data."
         )

@@ -68,7 +68,7 @@ pub fn left_out(comparison: &Comparison) -> Option<String> {
 }
 
 /// The reason why means leave out points if the change of each of these points is known.
-const ONLY_IN_COMMON: &str = "These points are left out because they are compared only with each other: a change that \
+const ONLY_IN_COMMON: &str = "These points are left out because they are compared only with each other, so a change that \
                               all of them share cannot be detected.";
 /// The reasons why means may leave out points.
 const WHY_LEFT_OUT: &str = "A point is left out if it has too few samples, if its times are below the timer's \
