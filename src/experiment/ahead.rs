@@ -290,9 +290,9 @@ impl Ahead {
     }
 
     /// Returns the index of the first waiting program that the builder `number` may begin to build. A builder
-    /// compiles programs in processes of its own. The builder with the number `number` may begin a program if
-    /// more than `number` builders with the program's scene fit into memory. In addition, no other process
-    /// may be measuring on the program's device. Returns `None` if the builder may not begin any waiting
+    /// compiles programs in processes of its own. The builder with the number `number` may begin a program
+    /// only if more than `number` builders that hold the program's scene fit into memory, and if no other
+    /// process measures on the program's device. Returns `None` if the builder may not begin any waiting
     /// program.
     fn index_of_next(&self, state: &State, number: usize) -> Option<usize> {
         let may_begin =

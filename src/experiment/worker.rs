@@ -71,9 +71,9 @@ fn answer(
     Ok(())
 }
 
-/// Ignores SIGINT and SIGTERM. Ctrl-C in a terminal reaches every process, and so does SIGTERM from a
-/// launcher that ends a whole process group. The run decides when its workers end, and ends them by closing
-/// their standard input.
+/// Ignores SIGINT and SIGTERM. Ctrl-C in a terminal reaches every process of the run. SIGTERM reaches every
+/// process too if a program, such as a cluster's scheduler, sends it to the whole process group. The run
+/// decides when its workers end, and ends them by closing their standard input.
 fn ignore_interrupts() -> Result<()> {
     for (signal, name) in [(SIGINT, "SIGINT"), (SIGTERM, "SIGTERM")] {
         signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)))
@@ -140,7 +140,8 @@ fn reply(reply: &Reply) -> Result<()> {
 
 /// Tells the run that another phase of the work on the current request begins.
 fn tell(phase: Phase) {
-    // An error of sending is ignored: the reply to the request will report it.
+    // An error of sending is ignored here. Sending the reply to the request will fail too, and will report
+    // the error.
     let _ = reply(&Reply::Begins(phase));
 }
 

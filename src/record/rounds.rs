@@ -277,7 +277,7 @@ mod tests {
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
         let expected = "Disturbed: in 1 of 2 launches (counted for each group of points), other programs and virtual machines together used more than 5% of the machine. In the worst launch, other \
-            processes kept 0.50 of 2 processors busy. This load may have made times longer: if possible, stop the \
+            processes kept 0.50 of 2 processors busy. This load may have made times longer. If possible, stop the \
             other programs and run the experiment again.";
         assert_eq!(said.as_deref(), Some(expected));
         assert_eq!(disturbance(&[], &records), None);
@@ -335,7 +335,7 @@ mod tests {
         assert!(
             said.ends_with(
                 "kept 0.010 of 2 processors busy, and other virtual machines on the same hardware used 0.40 more. This \
-                 load may have made times longer: if possible, stop the other programs and run the experiment again."
+                 load may have made times longer. If possible, stop the other programs and run the experiment again."
             ),
             "{said}"
         );
