@@ -76,7 +76,7 @@ pub enum Fact {
     /// The program has a kernel for leftover shadow rays alone, because the shading kernel does not always
     /// cast these rays.
     Leftover,
-    /// The caller provides rays, which need a kernel that no frame needs.
+    /// The caller provides rays. A separate kernel casts these rays; no frame needs this kernel.
     GivenRays,
 }
 
@@ -90,8 +90,7 @@ pub enum Role {
     /// Finds the nearest hits of primary rays. If several kernels find the hits together, only the first of
     /// these kernels has the role `Primary`.
     Primary,
-    /// Completes the result of the primary kernel: if that kernel finds only the nearest depth of each pixel, this
-    /// kernel finds the triangle at that depth.
+    /// Finds the triangle at the nearest depth of each pixel, if the primary kernel finds only this depth.
     Resolve,
     /// Casts shadow rays.
     Shadow,

@@ -43,9 +43,8 @@ const MOVES: [&str; 30] = [
     "expand",
     "pexpand",
 ];
-/// Beginnings of the names of instructions that never write to memory, except `cmpxchg`, `bts`, `btr` and `btc`,
-/// which do. If the last operand of one of the other instructions in this list is memory, the instruction only
-/// reads the memory.
+/// Beginnings of the names of instructions that only read their last operand, if it is memory. Four instructions
+/// whose names begin in this way also write to the memory: `cmpxchg`, `bts`, `btr` and `btc`.
 const READERS: [&str; 11] =
     ["cmp", "test", "ucomis", "comis", "ptest", "bt", "div", "idiv", "mul", "imul", "fld"];
 /// Beginnings of the names of instructions that write their last operand but do not read the operand. The

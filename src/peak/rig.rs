@@ -14,7 +14,7 @@ use std::time::Instant;
 /// A compiled program of `cl/peak/`.
 pub struct PeakProgram {
     program: Program,
-    /// Of the kernel files in the program, the paths of those that the user added or changed.
+    /// The paths of those kernel files of the program that the user added or changed.
     own_files: Vec<String>,
 }
 

@@ -1,5 +1,6 @@
-//! A sweep: for each case, the times on one device of the candidate strategies that may be the fastest and that were
-//! not refused. For each case, the rule's choice is compared with the fastest candidate.
+//! A sweep contains, for each case, times of candidate strategies on one device. A candidate has a time if it may be
+//! the fastest, and if neither the device nor the host refused it. For each case, the rule's choice is compared with
+//! the fastest candidate.
 
 use super::Case;
 use crate::device::Device;
