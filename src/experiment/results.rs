@@ -101,8 +101,8 @@ impl Results {
             cannot_make(if folder.is_dir() { &images } else { folder }, &error, ELSEWHERE)
         })?;
         let lock = Lock::take(folder)?;
-        // The folder's results are read before any file of the folder is changed, so that a folder that is
-        // refused, such as that of another program, keeps its files.
+        // The folder's results are read before any file of the folder is changed. A folder that is refused,
+        // such as another program's folder, thus keeps its files.
         let mut past = Past::in_folder(folder)?;
         let peak = Peak::stored_in(folder)?;
         let [records, samples, launch_ends, rounds, anchors] =
@@ -171,8 +171,8 @@ impl Results {
         Ok(left_out)
     }
 
-    /// Stores a record. Fails if the folder or its journal of records, samples or rounds was removed or replaced, so that
-    /// the run ends at once, and not only after it has measured all points.
+    /// Stores a record. Fails if the folder or its journal of records, samples or rounds was removed or replaced. The
+    /// run then ends at once, and not only after it has measured all points.
     pub fn record(&mut self, record: &Record) -> Result<()> {
         self.records.check_place()?;
         self.samples.check_place()?;

@@ -98,8 +98,9 @@ fn input_lines() -> Result<Receiver<String>> {
     Ok(lines)
 }
 
-/// Opens the device with which the run began: the device with this identity, whose UUID and PCI address do
-/// not contradict `hardware`. Returns an error if this device is not listed any more.
+/// Opens the device with which the run began. This is the device whose identity is `identity`, and whose
+/// UUID and PCI address do not contradict `hardware`. Returns an error if this device is not listed any
+/// more.
 fn find(identity: &str, hardware: &Hardware, sources: &Sources) -> Result<Device> {
     let choose = |infos: &[DeviceInfo]| Ok(index_of(identity, hardware, infos));
     pick_one(&Cache::of_user(), sources, LaneTest::Now, choose)?.ok_or_else(|| gone(identity))

@@ -58,7 +58,7 @@ pub static RASTER: Family = Family {
         only(
             "triangles",
             &["global", "constant"],
-            "reads each triangle once in each kernel for primary rays, where __local memory saves nothing",
+            "reads each triangle once in each kernel for primary rays, so __local memory would save nothing",
         ),
         only(
             "intersector",

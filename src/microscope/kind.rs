@@ -18,9 +18,9 @@ pub enum Memory {
     Private,
     /// The memory that contains the kernel's arguments.
     Argument,
-    /// The instruction's text does not show which memory is accessed: this depends on the address, which is known only
-    /// when the instruction runs. On a CPU, all OpenCL address spaces are the same memory. All accesses on a CPU are
-    /// therefore `Generic`, except `Private` accesses and accesses to constants of the program.
+    /// The instruction's text does not show which memory is accessed, because this depends on an address that is
+    /// known only when the instruction runs. On a CPU, all OpenCL address spaces are the same memory. All accesses on
+    /// a CPU are therefore `Generic`, except `Private` accesses and accesses to constants of the program.
     Generic,
 }
 

@@ -12,8 +12,9 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 /// A line of `anchors.jsonl`: one execution of the anchor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AnchorSample {
-    /// The anchor's name. Anchors with equal names do the same work, on devices that are equal in name, driver and
-    /// settings, or on devices of one model over which a run distributed its points.
+    /// The anchor's name. Anchors with equal names do the same work on comparable devices. Devices are comparable
+    /// if they are equal in name, driver and settings, or if they are of one model and a run distributed its
+    /// points over them.
     pub anchor: String,
     /// The device's name in records.
     pub device: String,

@@ -37,8 +37,8 @@ pub(super) fn find_controls(records: &mut [Record]) {
 impl RelativeTimes {
     /// Returns the record's level: the logarithm of the record's time, as the mean over all launches. Records are
     /// ranked by their levels. The levels of two records can be compared only if the records have the same
-    /// [`Self::family`]. If the record's block has a control point, the level is reduced by the control point's level
-    /// in the same block, so that the speed of the machine that measured the block cancels.
+    /// [`Self::family`]. If the record's block has a control point, the control point's level in the same block is
+    /// subtracted from the record's level. The speed of the machine that measured the block then cancels.
     pub(super) fn level(&self) -> f64 {
         let of_control = self.control.as_ref().map_or(0.0, |control| control.standing.level());
         self.standing.level() - of_control

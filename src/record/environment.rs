@@ -24,8 +24,8 @@ pub struct Environment {
     /// flags, and the compiler.
     #[serde(default)]
     pub build: String,
-    /// All environment variables of OpenCL drivers, loaders and the library Rayon that are set, as
-    /// `NAME=VALUE`, including variables that do not affect results.
+    /// The environment variables of OpenCL drivers, of OpenCL loaders and of the library Rayon, as
+    /// `NAME=VALUE`. All variables that are set are included, even those that do not affect results.
     #[serde(default)]
     pub variables: Vec<String>,
     /// When the run began, in the format of RFC 3339.
@@ -65,8 +65,8 @@ pub struct Source {
     pub what: String,
     /// The input's path; [`BUILT_IN`] for the kernels that raycl's binary contains.
     pub path: String,
-    /// BLAKE3 hash of the file's contents or, for the kernels, of the names and texts of all kernel files, including
-    /// the built-in files that the user's folder does not replace; null if a file cannot be read.
+    /// BLAKE3 hash of the file's contents. For the kernels: BLAKE3 hash of the names and texts of all kernel files,
+    /// including the built-in files that the user's folder does not replace. Null if a file cannot be read.
     pub hash: Option<String>,
     /// The commit that is checked out in the file's repository, and whether the file has been changed since
     /// this commit; "in no commit" if the commit does not contain the file (see [`git_state`]). Null if no git

@@ -34,8 +34,8 @@ pub(crate) fn two_modes(record: &Record) -> Option<String> {
     Some(format!("two modes: {} ms ({many}) and {} ms ({few}){whose}", ms(fast), ms(slow)))
 }
 
-/// Returns true if the two modes of a record may be steps of the timer instead of two speeds: they are less than three
-/// steps apart, or a sample is 0, which a timer reports for a time of less than a step.
+/// Returns true if the two modes of a record may be steps of the timer instead of two speeds. This is so if the modes
+/// are less than three steps apart, or if a sample is 0. (A timer reports 0 for a time of less than a step.)
 fn are_steps(record: &Record, modes: &Modes) -> bool {
     let [fast, slow] = modes.ms;
     slow - fast < 3.0 * TIMER_STEP_MS || record.samples_ms.iter().any(|ms| *ms <= 0.0)

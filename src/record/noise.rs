@@ -99,11 +99,11 @@ fn compared(records: &[Record]) -> impl Iterator<Item = &Record> {
     records.iter().filter(move |one| records.iter().any(|other| is_beside(one, other)))
 }
 
-/// Returns a text that says how many points were not compared with other points, because they have no time, too
-/// few samples or times of 0, and the reason for the first of these points. If all points have enough samples,
-/// but no two of them were measured in the same rounds (for example, because there is only one point), the text
-/// says so. Returns `None` if all points have enough samples, and at least two of them were measured in the
-/// same rounds.
+/// Returns a text that says how many points were not compared with other points because they have no time, too
+/// few samples or times of 0. The text also states the reason for the first of these points. If all points have
+/// enough samples, but no two of them were measured in the same rounds (for example, because there is only one
+/// point), the text says so. Returns `None` if all points have enough samples, and at least two of them were
+/// measured in the same rounds.
 fn not_compared(records: &[Record]) -> Option<String> {
     let why = |record: &Record| match median(record) {
         Some(_) => not_enough(record),

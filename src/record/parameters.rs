@@ -5,10 +5,10 @@ use serde_json::{Map, Value};
 use super::axes::axes;
 use super::types::Record;
 
-/// Returns the names and values of a record's tuning parameters: its local size (1 x 1 if the record has none), its
-/// value on every axis and, if the run compares two kernel folders, the label of the folder from which the record's
-/// kernels come. Dots replace the commas in values, since commas separate the values in the keys of Kernel Tuner's
-/// cache files.
+/// Returns the names and values of a record's tuning parameters. These are the record's local size (1 x 1 if the
+/// record has none) and its value on every axis. If the run compares two kernel folders, a further parameter is the
+/// label of the folder from which the record's kernels come. Dots replace the commas in values, since commas
+/// separate the values in the keys of Kernel Tuner's cache files.
 pub fn parameters(record: &Record) -> Map<String, Value> {
     let mut parameters = Map::new();
     let [across, down] = record.local_size.unwrap_or([1, 1]);

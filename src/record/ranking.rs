@@ -44,7 +44,8 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
 }
 
 /// Returns true if a point without a rank (with too few samples, or with a time of 0) may be faster than the fastest
-/// ranked point: the median of the point without a rank is not above the upper end of the ranked point's 95% interval.
+/// ranked point. This is so if the median of the point without a rank is not above the upper end of the ranked
+/// point's 95% interval.
 pub(crate) fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
     let best = ranking.winners.first().and_then(|best| interval(best));
     best.is_some_and(|[_, high]| {

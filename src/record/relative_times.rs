@@ -5,8 +5,9 @@ use super::anchors::AnchorUtilization;
 use super::control::Control;
 use crate::measure::{Interval, Standing};
 
-/// A record's times, relative to other times from the same rounds: those of the other records, of the anchor
-/// (work that is timed for comparison) and of the control point (a point that every block measures).
+/// A record's times, relative to other times from the same rounds. These other times are the times of the
+/// other records, of the anchor (work that is timed for comparison), and of the control point (a point that
+/// every block measures).
 #[derive(Clone, Debug, PartialEq)]
 pub struct RelativeTimes {
     /// A hash that is equal for all records that were measured together.

@@ -103,8 +103,8 @@ fn damaged(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Damaged>> 
 fn keep_copy(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     let named = |number: usize| path.with_extension(format!("jsonl.damaged-{number}"));
     let mut number = 1;
-    // Before the copy is written, the loop checks whether a file has this name already: writing a large journal to
-    // the disk takes long, and `write_new` would notice only after writing that the name is taken.
+    // Before the copy is written, the loop checks whether a file has this name already. Writing a large journal to
+    // the disk takes long, and only after writing, `write_new` would notice that the name is taken.
     while existing::exists(&named(number))? || !write_new(&named(number), bytes)? {
         number += 1;
     }

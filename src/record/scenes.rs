@@ -93,9 +93,9 @@ fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
     scenes
 }
 
-/// Returns one name per scene. All names are made by the same rule (see [`Names::at`]): the first rule that
-/// makes all names differ, and makes only names that are free (names of no other scene). If there is no such
-/// rule, returns the names with hashes.
+/// Returns one name per scene. All names are made by the same rule (see [`Names::at`]). This is the first
+/// rule by which all names differ from each other, and are free (names of no other scene). If there is no
+/// such rule, returns the names with hashes.
 fn distinct(scenes: &[Names], is_free: impl Fn(&str) -> bool) -> Vec<&str> {
     let depth = scenes.iter().map(|names| names.paths.len()).max().unwrap_or(0);
     let mut kinds = (0..depth + 3).map(|kind| scenes.iter().map(|names| names.at(kind, depth)).collect());

@@ -54,8 +54,8 @@ impl<'a, R: Real> Caster<'a, R> {
         Self { scene, finder: Solid::new(finder, &scene.mesh.textures), frame }
     }
 
-    /// Returns two casters: one in which rounding makes every triangle larger and its holes smaller, and one in which
-    /// it makes every triangle smaller and its holes larger.
+    /// Returns two casters. In the first, rounding makes every triangle larger and its holes smaller. In the second,
+    /// rounding makes every triangle smaller and its holes larger.
     pub fn leaning(&self) -> [Self; 2] {
         self.finder.leaning().map(|finder| Self { finder, ..*self })
     }
@@ -190,9 +190,9 @@ impl<'a, R: Real> Caster<'a, R> {
 
     /// Returns the possible values of the radiance at a hit that light grazes. The values are computed with the point
     /// at which the hit is lit, with points above and below it, and with shadow rays that start on the wrong side of
-    /// the triangle. (The hit itself is not moved: smooth shadows would lift a hit below the plane back to the plane.)
-    /// If a light lies in the plane, its rays run along the surface; the values are then also computed with and without
-    /// this light.
+    /// the triangle. (The hit itself is not moved, because smooth shadows would lift a hit below the plane back to
+    /// the plane.) If a light lies in the plane, its rays run along the surface. The values are then computed both
+    /// with and without this light.
     pub fn grazed(&self, seen: &Seen<'_>, ray: &Ray<R>, hit: &Hit<R>, grazing: Grazing<R>) -> Vec<R::Vector> {
         let Grazing { normal, rounding, bias } = grazing;
         let usual = |sight: &Sight<R>| self.reaches(sight, bias);

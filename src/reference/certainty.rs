@@ -31,11 +31,11 @@ const ROUNDING: f64 = 6e-8;
 /// If a triangle lies behind the nearest hit by at most this fraction of the hit's distance, the triangle may be the
 /// nearest one after rounding.
 const RIVAL: f64 = 1e-6;
-/// How far rounding may move a hit off its triangle's plane, as a fraction of the largest of three distances of
-/// the hit: from the eye, from the scene's origin, and from the farthest corner of its triangle. For a thin
-/// triangle, the move may be larger (see [`Caster::off_plane`]). For grazing light, a move off the plane may decide
-/// whether a shadow ray starts above or below the triangle. Nudges (small turns) of the pixel's ray do not reveal a
-/// move off the plane.
+/// How far rounding may move a hit off its triangle's plane, as a fraction of a length. This length is the largest
+/// of the hit's distances from the eye, from the scene's origin, and from the farthest corner of the hit's
+/// triangle. For a thin triangle, the move may be larger (see [`Caster::off_plane`]). For grazing light, a move off
+/// the plane may decide whether a shadow ray starts above or below the triangle. Nudges (small turns) of the
+/// pixel's ray do not reveal a move off the plane.
 const OFF_PLANE: f64 = 1e-6;
 
 /// The angle by which the direction to the sky is nudged: at most twice the angle by which rounding may turn this
@@ -317,8 +317,8 @@ fn off_plane(caster: &Caster<'_, f64>, ray: &Ray<f64>, hit: &Hit<f64>) -> [DVec3
 
 /// Returns a ray with the direction of `ray`. At the distance `hit.t`, the returned ray reaches the point where `ray`
 /// meets the plane of the triangle if rounding moves this plane by `off`. This point is the moved hit. On a large
-/// triangle that a ray meets at a small angle, the hit moves far along the triangle: so far that the light's distance
-/// and direction change noticeably. The returned ray starts on the line of `ray`, but not where `ray` starts.
+/// triangle that a ray meets at a small angle, the hit moves so far along the triangle that the light's distance and
+/// direction change noticeably. The returned ray starts on the line of `ray`, but not where `ray` starts.
 fn slid(ray: &Ray<f64>, hit: &Hit<f64>, off: DVec3) -> Ray<f64> {
     let along = off.length_squared() / off.dot(ray.direction);
     // If the ray sees the plane edge-on, its hit on the moved plane may lie behind the eye or at infinity.

@@ -1,5 +1,5 @@
-//! Cut-outs: triangles whose masks have holes, through which rays continue; the counterpart for devices is
-//! `cl/common/cutouts.cl`.
+//! Cut-outs: triangles whose masks have holes. Rays continue through the holes. The counterpart for devices
+//! is `cl/common/cutouts.cl`.
 
 use super::intersect::Hit;
 use super::leaning::Lean;

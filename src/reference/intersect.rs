@@ -15,10 +15,10 @@ pub struct Hit<R> {
     pub triangle: u32,
 }
 
-/// Applies the test of Moeller and Trumbore (Journal of Graphics Tools 2(1), 1997), in the notation
-/// of Hughes et al., section 15.4. There is no tolerance: a ray counts as parallel to the triangle
-/// only if it is exactly parallel, and a hit on an edge counts for both triangles that share the
-/// edge. NaN counts as a miss.
+/// Applies the test of Moeller and Trumbore (Journal of Graphics Tools 2(1), 1997), in the notation of
+/// Hughes et al., section 15.4. The test has no tolerance. A ray counts as parallel to the triangle only if
+/// it is exactly parallel. A hit on an edge counts for both triangles that share the edge. NaN counts as a
+/// miss.
 pub fn moller_trumbore<R: Real>(
     ray: &Ray<R>,
     [v0, v1, v2]: [R::Vector; 3],

@@ -184,7 +184,8 @@ pub fn larger_hit<R: Real>(
     })
 }
 
-/// Returns the largest error of the distance at which a ray hits a triangle, relative to that distance; at most 1.
+/// Returns the largest error of the distance at which a ray hits a triangle, as a fraction of this distance; at
+/// most 1.
 pub fn relative_error<R: Real>(ray: &Ray<R>, corners: [R::Vector; 3], t: R) -> R {
     let distances = Determinants::of(ray, corners).distances(ray, &corners);
     distances.map_or(R::ONE, |[low, high]| ((high - low) / t).min(R::ONE))

@@ -61,8 +61,8 @@ const EXHAUSTIVE_TRIANGLES: usize = 64;
 pub struct Reference {
     /// Each pixel's radiance, computed in double precision, and its alpha if the background is transparent.
     pub radiance: Radiance,
-    /// For each pixel, in the order of `radiance.pixels`, the share of its samples that hit a triangle, from 0 to 1; 0
-    /// for pixels that were not cast.
+    /// For each pixel, the share of the pixel's samples that hit a triangle, from 0 to 1. The share is 0 for pixels
+    /// that were not cast. The order of the pixels is that of `radiance.pixels`.
     pub hit_shares: Vec<f32>,
     /// True for each certain pixel, in the order of `radiance.pixels`. If a pixel is certain, nudges (small
     /// turns) of its ray and other small changes (see [`certainty`]) alter its channels by less than 1e-3 of its

@@ -1,5 +1,6 @@
-//! Determines which blocks of pixels are rough, and therefore get more samples: those in which neighbouring
-//! pixels differ visibly after the first samples. On devices, `cl/common/mark_rough.cl` finds rough blocks.
+//! Determines which blocks of pixels are rough. In a rough block, neighbouring pixels differ visibly after
+//! the first samples, so the block gets more samples. On devices, `cl/common/mark_rough.cl` finds rough
+//! blocks.
 
 use super::{Reference, some_pixels};
 use crate::image::{RELATIVE_LIMIT, Radiance};

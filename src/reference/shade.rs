@@ -169,9 +169,9 @@ fn mirrored_sky<R: Real>(
     R::Vector::of(material.glossy) * radiance_of_sky::<R>(sky, w_i) * share
 }
 
-/// Returns the reflectance of a surface with this k_L, from `w_i` to `w_o`, per steradian. With a highlight, it is
-/// f = k_L / pi + k_G (s + 8) / (8 pi) max(0, n . w_h)^s, where w_h is the unit vector halfway between w_i and w_o (as
-/// in cl/common/reflectance.cl). Without a highlight, it is k_L / pi.
+/// Returns the reflectance of a surface with this k_L, from `w_i` to `w_o`, per steradian. With a highlight, the
+/// reflectance is f = k_L / pi + k_G (s + 8) / (8 pi) max(0, n . w_h)^s, where w_h is the unit vector halfway between
+/// w_i and w_o (as in cl/common/reflectance.cl). Without a highlight, the reflectance is k_L / pi.
 fn reflectance<R: Real>(
     (material, lambertian): (&Material, R::Vector),
     w_i: R::Vector,

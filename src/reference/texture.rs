@@ -37,8 +37,8 @@ pub fn texture_colour<R: Real>(
     Some(filtered_colour(mesh, row.texture?, hit, direction, width))
 }
 
-/// Returns the colour of the triangle's emission texture, by which the emitted radiance is multiplied, where a
-/// pixel's cone meets the hit; `None` without an emission texture.
+/// Returns the colour of the triangle's emission texture where a pixel's cone meets the hit; `None` without an
+/// emission texture. The hit's emitted radiance is multiplied by this colour.
 pub fn emission_colour<R: Real>(
     mesh: &Mesh,
     hit: &Hit<R>,

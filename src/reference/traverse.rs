@@ -1,5 +1,6 @@
-//! Finds the triangles that a ray hits. The closest hit and any hit use one traversal: a [`Finder`] passes
-//! hits to a visitor, which returns the distance up to which further hits matter.
+//! Finds the triangles that a ray hits. The search for the closest hit and the search for any hit use the
+//! same traversal: a [`Finder`] passes hits to a visitor. The visitor returns the distance up to which
+//! further hits matter.
 
 use super::intersect::{Hit, moller_trumbore};
 use super::leaning::{LargerHit, larger_hit};

@@ -7,9 +7,9 @@ use std::path::Path;
 
 /// Returns the records of all folders. If two folders measured the same point under different conditions (driver,
 /// machine, program or timing), the keys of the two records differ. If a device has records with such different keys,
-/// then in all of the device's records, the label of the record's folder is added to the device's name, so that the
-/// results are shown separately. If the point is a baseline, its device is the host, whose name does not change. For
-/// a baseline, the folder's label is added to the names of all baselines in the folder's records, not to the name of
+/// the label of the record's folder is added to the device's name in all of the device's records. The results are
+/// then shown separately. If the point is a baseline, its device is the host, whose name does not change. For a
+/// baseline, the folder's label is added to the names of all baselines in the folder's records, not to the name of
 /// the host. Scenes that have the same name but different content also get the label of their folder. If a point was
 /// measured twice under the same conditions, the keys of the two records are equal. Of two records with equal keys,
 /// only the later folder's record is returned, with the later folder's names for the device and the strategy. (Both

@@ -146,8 +146,9 @@ fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
 }
 
 /// Returns the main kernel's number of registers, or `None` if the compiler did not report this number. Also
-/// returns the bytes of `__local` memory that a work-group needs: the compiled kernel's bytes if the number
-/// of registers is known, otherwise the bytes that raycl predicted, or 0 if raycl predicted no bytes.
+/// returns the bytes of `__local` memory that a work-group needs. If the number of registers is known, these
+/// are the compiled kernel's bytes. Otherwise, these are the bytes that raycl predicted, or 0 if raycl
+/// predicted no bytes.
 fn known(record: &Record) -> (Option<u32>, u64) {
     let kernel = record.main_kernel().filter(|kernel| kernel.resources.registers.is_some());
     let registers = kernel.and_then(|kernel| kernel.resources.registers);

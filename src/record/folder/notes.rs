@@ -18,9 +18,9 @@ pub(super) const TORN: &str = "The last record is incomplete, for example becaus
 pub(super) const NO_ENVIRONMENT: &str =
     "environment.json is missing or cannot be read, so the machine and the drivers of the run are unknown.";
 
-/// Returns notes on the certainty of the times and images: how small a difference between two points can be
-/// shown, whether points of a group were measured apart, which machines differ in speed, what disturbed the
-/// measurement, and how many images were hardly verified.
+/// Returns notes on the certainty of the times and images. The notes say how small a difference between two
+/// points can be shown, whether points of a group were measured apart, which machines differ in speed, what
+/// disturbed the measurement, and how many images were hardly verified.
 pub(super) fn certainty(records: &[Record], controls: &[Record], rounds: &[RoundLoad]) -> Vec<String> {
     let mut notes = how_sure(records);
     notes.extend(apart_note(records));

@@ -12,8 +12,8 @@ pub struct Ratio {
     /// The ratio with its 95% interval, or the reason why the ratio is unknown, such as "not enough samples
     /// (n = 3)".
     sure: Result<(f64, [f64; 2]), String>,
-    /// The number of samples: for two records, the number of the record with fewer samples; for two passes of
-    /// a record, the number of samples in which both passes have a time above 0.
+    /// For two records: the number of samples of the record with fewer samples. For two passes of a record:
+    /// the number of samples in which both passes have a time above 0.
     n: usize,
 }
 
