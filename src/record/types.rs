@@ -47,8 +47,8 @@ pub struct Record {
     /// kind.
     #[serde(default)]
     pub measured_on: Option<String>,
-    /// The machine that measured the point, if the experiment is divided into shards. In a record that `raycl
-    /// merge` wrote, if several machines measured launches of the point: the names of all these machines,
+    /// The machine that measured the point, if the experiment is divided into shards. If several machines
+    /// measured launches of the point, a record that `raycl merge` wrote has the names of all these machines,
     /// separated by `, `.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
@@ -74,8 +74,8 @@ pub struct Record {
     /// label of the folder of the point's kernels follows in brackets. For a baseline, `name` is the baseline's
     /// name in the config.
     pub name: String,
-    /// The name of the preset that is the point's strategy; null for a baseline, if the strategy differs from
-    /// its preset on an axis, and if the run compares two folders of kernels.
+    /// The name of the preset that is the point's strategy. Null for a baseline, for a strategy that differs from
+    /// its preset on an axis, and in a run that compares two folders of kernels.
     pub preset: Option<String>,
     /// The label of the folder with the source files of the point's kernels, if the run compares two such
     /// folders.
