@@ -7,8 +7,8 @@ use crate::record::Record;
 pub trait Observer: Send {
     /// Is called with the name of a run when the run begins, if a command has several runs.
     fn enters(&mut self, _stage: &str) {}
-    /// Is called when the run begins, with the numbers of all its points and steps, including those that earlier
-    /// sessions have finished. A step is the measurement of one point in one launch.
+    /// Is called when the run begins, with the numbers of all points and steps of the run, including the points
+    /// and steps that earlier sessions have finished. A step is the measurement of one point in one launch.
     fn begins(&mut self, points: usize, steps: usize);
     /// Is called with the numbers of points and steps that an earlier session has finished.
     fn resumes(&mut self, _points: usize, _steps: usize) {}

@@ -13,7 +13,8 @@ pub struct Taken {
     pub at_ms: f64,
     /// The core-to-core latency around the sample in nanoseconds; `None` if the latency was not measured.
     pub core_to_core_ns: Option<f64>,
-    /// The times of one frame of the sample (their means, if the sample is a batch of frames).
+    /// The times of one frame of the sample. If the sample is a batch of frames, these are means over the
+    /// batch.
     pub times: FrameTimes,
 }
 

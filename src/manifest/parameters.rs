@@ -73,7 +73,8 @@ pub const TEXTURES: &[Parameter] = &[
 /// The colours of the triangles' corners.
 pub const COLOURS: &[Parameter] = &[p(CornerColours, WORDS, "corner_colours")];
 /// The texture coordinates and the textures, for the kernels that cast tiles and test whether rays pass
-/// through the holes of cut-outs. The names of these parameters differ from those for shading.
+/// through the holes of cut-outs. The names of these parameters differ from the names of the parameters for
+/// shading.
 pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS, "mask_words")];
 /// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in this sample's round.
 /// The first samples of a pixel are one round, and the pixel's later samples are another round. For unoccluded light,

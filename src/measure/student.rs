@@ -2,8 +2,8 @@
 
 use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
 
-/// From `MANY` degrees of freedom on, the quantiles of the normal distribution are used for those of Student's t.
-/// For probabilities between 0.0001 and 0.9999, the two differ by less than 0.0002.
+/// From `MANY` degrees of freedom on, the quantiles of the normal distribution are used in place of the quantiles
+/// of Student's t. For probabilities between 0.0001 and 0.9999, the two differ by less than 0.0002.
 const MANY: f64 = 1e5;
 
 /// Returns the value below which Student's t lies with the probability `p`. Returns infinity if `degrees` is 0.

@@ -15,8 +15,8 @@ const FLOAT_BYTES: f64 = 4.0;
 /// bytes that work-items request, not the bytes that come from a device's memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Traffic<'a> {
-    /// Bytes that a work-item reads of one triangle, divided by the number of rays of the work-item, since it
-    /// reads a triangle once for all its rays.
+    /// Bytes that a work-item reads of one triangle, divided by the number of rays of the work-item, since a
+    /// work-item reads a triangle once for all its rays.
     pub triangle_bytes: f64,
     /// The memory that contains the triangle.
     pub triangle_in: &'a str,

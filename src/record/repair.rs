@@ -22,9 +22,9 @@ pub struct Repaired {
 }
 
 /// Repairs a folder's journals. Adds one `Repaired` to `repaired` for each journal that was damaged. If a file cannot
-/// be written, the other journals are still repaired, and the returned error is that of the first such file. If a
-/// journal cannot be read, no journal is changed. The caller must hold the folder's lock, by which only one process at
-/// a time writes to the folder.
+/// be written, the other journals are still repaired, and the error of the first file that cannot be written is
+/// returned. If a journal cannot be read, no journal is changed. The caller must hold the folder's lock, by which
+/// only one process at a time writes to the folder.
 pub fn repair(folder: &Path, repaired: &mut Vec<Repaired>) -> Result<()> {
     let damaged = [
         damaged(&folder.join(RECORDS), is_a::<Record>)?,

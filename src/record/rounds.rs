@@ -165,11 +165,11 @@ fn moved_launches(records: &[Record]) -> u32 {
     groups.iter().map(|(_, most)| most).sum()
 }
 
-/// Returns a note on the launches and samples that were left out because the core-to-core latency was far
-/// from its usual value. If no launch and no sample was left out, but the core-to-core latency changed by more
-/// than the factor [`MOVED`] while `records` were measured, returns a note on the change of the latency. In all
+/// Returns a note on the launches and samples that were left out because the core-to-core latency was far from
+/// its usual value. If no launch and no sample was left out, but the core-to-core latency changed by more than
+/// the factor [`MOVED`] while `records` were measured, returns a note on the change of the latency. In all
 /// other cases, returns `None`. Both notes say "if this machine is virtual", since raycl does not know whether
-/// it is.
+/// the machine is virtual.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let samples = records.iter().filter_map(|record| record.moved_samples).sum::<u32>() as usize;
     let launches = moved_launches(records) as usize;

@@ -362,8 +362,8 @@ impl Record {
         Traversal::all().into_iter().find(|traversal| traversal.name() == name)
     }
 
-    /// Returns true if the point's strategy or baseline tests every primary ray against every triangle, so that
-    /// the number of tests of a frame's primary rays is known.
+    /// Returns true if the point's strategy or baseline tests every primary ray against every triangle. The
+    /// number of tests of a frame's primary rays is then known.
     pub fn tests_every_triangle(&self) -> bool {
         self.is_baseline() || self.traversal().is_some_and(Traversal::tests_every_triangle)
     }

@@ -37,8 +37,8 @@ impl<'a, R: Real> Solid<'a, R> {
         Self { finder: Arc::new(finder), textures, lean: None }
     }
 
-    /// Returns two finders. For one, rounding has made triangles larger and holes smaller; for the other, it has made
-    /// triangles smaller and holes larger.
+    /// Returns two finders. For the first finder, rounding has made triangles larger and holes smaller. For the
+    /// second finder, rounding has made triangles smaller and holes larger.
     pub fn leaning(&self) -> [Self; 2] {
         Lean::BOTH.map(|lean| Self { finder: Arc::clone(&self.finder), lean: Some(lean), ..*self })
     }

@@ -13,7 +13,7 @@ use crate::scene::{Light, Material, MaterialKind, Scene};
 /// A light, or the sky, as seen from a point of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight<R: Real> {
-    /// The light's index in the scene; the sky's index follows those of the lights.
+    /// The light's index in the scene. The sky's index is the number of lights.
     pub light: usize,
     /// The point from which the light is seen.
     pub point: R::Vector,

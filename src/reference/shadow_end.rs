@@ -17,10 +17,10 @@ const MOST_PER_COSINE: f64 = 50.0;
 /// The least distance is the one that cl/common/shadow_end.cl computes. Usually, the least distance is the
 /// shadow bias. If the light is so distant that rounding may move the hit's triangle by more than the bias,
 /// the least distance is the length of this move. The greatest distance is the sum of the least distance and
-/// the longest such move, that of a surface that the light grazes. A surface whose distance from the hit lies
-/// between these two may or may not block the light. If even the longest move does not exceed the bias,
-/// or if the light is behind the surface, the least and the greatest distance both equal the bias. `normal`
-/// is the unit normal at the hit.
+/// the longest such move. (The longest move is the move of a surface that the light grazes.) A surface whose
+/// distance from the hit lies between these two may or may not block the light. If even the longest move does
+/// not exceed the bias, or if the light is behind the surface, the least and the greatest distance both equal
+/// the bias. `normal` is the unit normal at the hit.
 pub fn ends_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> [f64; 2] {
     ends(bias, sight.distance, sight.w_i.dot(normal))
 }

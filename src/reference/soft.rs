@@ -130,8 +130,9 @@ fn on_sphere([a, b, _]: [f64; 3]) -> DVec3 {
     DVec3::new(ring * turn.sin(), ring * turn.cos(), 1.0 - 2.0 * a)
 }
 
-/// Returns three numbers from 0 to 1 for a source: a light, or the sky, whose number comes after those of all lights.
-/// The points with the first two numbers as coordinates are also evenly distributed over the unit square.
+/// Returns three numbers from 0 to 1 for a source of light. `source` is the number of a light, from 0. The numbers
+/// after the last light belong to the sky. The points with the first two numbers as coordinates are also evenly
+/// distributed over the unit square.
 fn numbers(source: u32, sample: Sample, [x, y]: [u32; 2]) -> [f64; 3] {
     let [x, y] = sample.period().map_or([x, y], |period| [x % period, y % period]);
     let number = along_curve(x, y).wrapping_mul(sample.count).wrapping_add(sample.number);

@@ -49,9 +49,9 @@ pub fn emission_colour<R: Real>(
     Some(filtered_colour(mesh, number, hit, direction, width))
 }
 
-/// Returns the colour of the texture `number`, in linear light, where a pixel's cone of this direction and width meets
-/// a triangle. Usually, the texels of one mip level are smaller than the pixel, and those of the next are larger;
-/// the colour is a mean of these two levels.
+/// Returns the colour of the texture `number`, in linear light, where a pixel's cone of this direction and width
+/// meets a triangle. Usually, the texels of one mip level are smaller than the pixel, and the texels of the next mip
+/// level are larger; the colour is a mean of these two levels.
 fn filtered_colour<R: Real>(
     mesh: &Mesh,
     number: u32,
@@ -122,7 +122,7 @@ impl<R: Real> Texels<R> {
 pub fn place<R: Real>(texture: &Texture, level: u32, row: &Mapped, weights: [R; 3], axis: usize) -> R {
     let [a, b, c] = row.corners.map(|corner| R::from(corner[axis]));
     let place = weights[0] * a + weights[1] * b + weights[2] * c;
-    // Centres of texels lie at half-integers, like those of pixels.
+    // Centres of texels lie at half-integers, like centres of pixels.
     within(place, texture.wrap[axis]) * R::of(texture.level_size(level)[axis].into()) - R::from(0.5)
 }
 

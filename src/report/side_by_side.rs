@@ -19,7 +19,7 @@ const HOW_TO_READ: &str = " A ring marks a mean below 1.01 over all combinations
                            has too few samples or samples of 0 ms. A mean over only a part of the combinations \
                            has no ring.";
 
-/// A group, and those of its records that have a rank (enough samples, none of which is 0), the fastest
+/// A group, and the group's records that have a rank (enough samples, none of which is 0), the fastest
 /// first.
 type Ranked<'g, 'a> = (&'g Group<'a>, Vec<&'a Record>);
 

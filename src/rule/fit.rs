@@ -47,8 +47,8 @@ pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Consta
 }
 
 /// Returns how much time the rule's choices lose, as a sum over the watertight cases or, if `watertight` is
-/// false, over the other cases. A case without any time is left out. Each case adds the logarithm of a ratio:
-/// the time of the chosen strategy divided by the best time, but at most `REFUSED`.
+/// false, over all cases that are not watertight. A case without any time is left out. Each case adds the
+/// logarithm of a ratio: the time of the chosen strategy divided by the best time, but at most `REFUSED`.
 fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     let verdicts = sweeps.iter().flat_map(|sweep| {
         let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);

@@ -97,8 +97,8 @@ const WAITING: &str = "waiting until the core-to-core latency is as usual";
 
 /// A device's anchor (a fixed kernel) is run at least once for every `CASTS_PER_ANCHOR` samples of measured
 /// points. `CASTS_PER_ANCHOR` is small enough that the anchor kernel is run about as often as each point is
-/// sampled, or more often. It is large enough that the anchor kernel takes little time compared with the
-/// samples.
+/// sampled, or more often. `CASTS_PER_ANCHOR` is large enough that the anchor kernel takes little time
+/// compared with the samples.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {

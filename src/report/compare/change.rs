@@ -164,7 +164,7 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
         _ => 0.0,
     };
     beside.sort_by(|a, b| own(a).total_cmp(&own(b)));
-    // If the number of points is odd, both indices are that of the point in the middle.
+    // If the number of points is odd, both are the index of the point in the middle.
     let (below, above) = (beside[(beside.len() - 1) / 2], beside[beside.len() / 2]);
     if are_apart(below, above) {
         return Vec::new();
@@ -189,10 +189,10 @@ pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio_apart(after, before)?, Against::BareTimes))
 }
 
-/// Compares the two times of a point: with the kernels of the first folder, and with those of the second. `raycl run
-/// --resume` may have measured the point with the kernels of one folder in an earlier session. If the point's two
-/// records were measured in different sessions, their samples are not close in time, and the times are compared like
-/// times of two runs. Returns `None` if a record has too few samples or times of 0.
+/// Compares a point's time with the kernels of the first folder, and the point's time with the kernels of the second
+/// folder. `raycl run --resume` may have measured the point with the kernels of one folder in an earlier session. If
+/// the point's two records were measured in different sessions, their samples are not close in time, and the times
+/// are compared like times of two runs. Returns `None` if a record has too few samples or times of 0.
 pub fn of_kernels((before, after): Both<'_>) -> Option<(Interval, Against)> {
     if !are_together(before, after) {
         return bare((before, after));

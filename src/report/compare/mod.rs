@@ -52,13 +52,12 @@ pub struct Comparison {
     /// the control point although the point belongs to another block. These pairs are not in the field
     /// `pairs`, which has the compared points.
     controls: Vec<[Record; 2]>,
-    /// True if one of the folders has several devices, so that the name of a point must include the device.
+    /// True if one of the folders has several devices. The name of a point must then include the device.
     several_devices: bool,
 }
 
 impl Comparison {
-    /// Returns true if one of the folders has several devices, so that the names of points include the
-    /// device.
+    /// Returns true if one of the folders has several devices. The names of points then include the device.
     pub fn has_several_devices(&self) -> bool {
         self.several_devices
     }

@@ -111,8 +111,8 @@ impl Strip {
     }
 
     /// Returns how far the x axis extends on both sides of 0, in percent of the median. The x axis shows
-    /// nearly all samples. A few samples that are far from the median may lie beyond the ends of the x axis,
-    /// so that all other samples have enough space.
+    /// nearly all samples. To leave enough space for these samples, a few samples that are far from the
+    /// median may lie beyond the ends of the x axis.
     fn reach(&self) -> f64 {
         let mut sizes: Vec<f64> =
             self.rows.iter().flat_map(|row| &row.deviations).map(|deviation| deviation.abs()).collect();
