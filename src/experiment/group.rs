@@ -376,10 +376,10 @@ fn use_check(pending: &mut PendingPoint, record: Record, check_ms: f64) {
     }
 }
 
-/// Adds values that workers do not know to the record that a point's check returned. The values come from the
-/// point's draft (its record before the point was tried): the names of the point and of its preset, the notes
-/// on the scene, the folder of kernels, the block (the points that one machine or device measures together),
-/// and the block's control point.
+/// Adds some values to the record that a point's check returned: the values that workers do not know. These
+/// values come from the point's draft (its record before the point was tried): the names of the point and of
+/// its preset, the notes on the scene, the folder of kernels, the block (the points that one machine or
+/// device measures together), and the block's control point.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

@@ -191,8 +191,8 @@ impl WorkerProcess {
 }
 
 /// Returns how a worker died. `end` is the result of [`WorkerProcess::end`]. The thread `last_words` reads the
-/// worker's standard error, which stays open if the worker has not ended, so this function then does not wait
-/// for the thread.
+/// worker's standard error. If the worker has not ended, its standard error stays open, so this function does
+/// not wait for the thread.
 fn death_of(end: IoResult<Option<ExitStatus>>, last_words: Option<JoinHandle<String>>) -> Death {
     let cause = match end {
         Ok(Some(status)) => cause(status),

@@ -229,7 +229,8 @@ pub enum Reply {
     /// Reply to a cast that failed, or to any request during which the device broke down. If the device broke
     /// down, the worker then ends.
     Refused(PointFailure),
-    /// Reply to any request: an error. The error ends the run, except an error of the anchor or of a builder.
+    /// Reply to any request: an error. An error of the anchor or of a builder does not end the run; every
+    /// other error does.
     Failed {
         /// What went wrong, as a sentence for the user.
         message: String,

@@ -30,7 +30,7 @@ pub trait ResultSink {
     fn load(&mut self, load: &RoundLoad) -> Result<()>;
     /// Stores a time of the anchor.
     fn anchor(&mut self, sample: &AnchorSample) -> Result<()>;
-    /// Returns the number of a new launch, which is unique in the folder.
+    /// Returns a number for a new launch. The number is unique in the folder.
     fn next_launch(&mut self) -> u32;
     /// Is called when `steps` further steps are finished or will not take place. A step is the measurement of
     /// one point in one launch.

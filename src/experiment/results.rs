@@ -193,7 +193,7 @@ impl Results {
         self.host.as_deref()
     }
 
-    /// Returns the number of a new launch, which is unique in the folder.
+    /// Returns a number for a new launch. The number is unique in the folder.
     pub fn next_launch(&mut self) -> u32 {
         self.past.next_launch += 1;
         self.past.next_launch - 1

@@ -9,7 +9,8 @@ use super::{MIN_SAMPLES, quantile};
 use std::collections::HashMap;
 
 /// A sample counts as preempted if its utilization is less than the fraction `LEAST_UTILIZATION` of the usual
-/// utilization of its point or anchor. Probably, other programs delayed such a sample by over a tenth.
+/// utilization of its point or anchor. Probably, other programs delayed such a sample by more than a tenth of
+/// its usual time.
 const LEAST_UTILIZATION: f64 = 0.9;
 
 /// Returns the ratio of a sample's processor time to its elapsed time. The ratio of processor time to elapsed

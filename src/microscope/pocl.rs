@@ -9,7 +9,7 @@ use ocl::Kernel;
 
 /// The bytes with which PoCL's binaries begin.
 const MAGIC: &[u8] = b"poclbin\0";
-/// The largest number of bytes that raycl expects of a file's path in PoCL's binary.
+/// The length in bytes of the longest path that raycl expects in PoCL's binary.
 const LONGEST: usize = 1024;
 
 /// Returns true if `binary` is a program's binary that PoCL made.

@@ -93,7 +93,7 @@ impl Noise {
     }
 }
 
-/// Returns the records that were measured in the same rounds as another of `records`.
+/// Returns the records that were measured in the same rounds as at least one other record in `records`.
 fn compared(records: &[Record]) -> impl Iterator<Item = &Record> {
     let is_beside = |one: &Record, other: &Record| !std::ptr::eq(one, other) && are_together(one, other);
     records.iter().filter(move |one| records.iter().any(|other| is_beside(one, other)))

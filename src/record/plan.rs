@@ -59,9 +59,9 @@ impl PlannedPoint {
         Self { key, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of }
     }
 
-    /// Replaces a record's names and notes by those of this planned point. The notes on a scene may differ
-    /// between runs although the scene is the same, since the notes also name other scenes with the same
-    /// content.
+    /// Replaces a record's names and notes by the names and notes of this planned point. The notes on a
+    /// scene may differ between runs although the scene is the same, since the notes also name other scenes
+    /// with the same content.
     fn name(&self, record: &mut Record) {
         let Self { key: _, scene, scene_file, scene_values, scene_notes, device, name, preset, kernels_of } =
             self.clone();

@@ -10,7 +10,7 @@ use crate::scene::Mesh;
 use crate::strategy::Culling;
 use std::sync::Arc;
 
-/// Knows a mesh's triangles and finds those that a ray hits.
+/// Knows a mesh's triangles, and finds the triangles that a ray hits.
 pub trait Finder<R: Real>: Send + Sync {
     /// Passes the hits along `ray` to `visitor`, in any order. The visitor returns the distance beyond which
     /// hits no longer matter; if it returns `ray.near`, the search ends.

@@ -1,4 +1,4 @@
-//! Makes sharp highlights brighter and darker, as far as rounding may do so.
+//! Makes sharp highlights as much brighter, and as much darker, as rounding may make them.
 
 use super::super::intersect::Hit;
 use super::super::pixel_sample::PixelSample;

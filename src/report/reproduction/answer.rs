@@ -382,10 +382,10 @@ fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> Str
     }
 }
 
-/// Returns a text with the ratio of the best time of the preset `naive` to the best time of all memory strategies. The
-/// ratio is left out if `naive` is the fastest or has no time. The text also states the number of points that tie and,
-/// if some points have no rank, their number and whether they may be as fast. Returns [`NO_WINNER`] if no point can be
-/// ranked.
+/// Returns a text with the ratio of the best time of the preset `naive` to the best time of all memory strategies.
+/// The ratio is left out if `naive` is the fastest or has no time. The text also states the number of points that
+/// tie. If some points have no rank, the text states the number of points without a rank, and whether these points
+/// may be as fast. Returns [`NO_WINNER`] if no point can be ranked.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));
