@@ -2,17 +2,17 @@
 //! distance.
 //!
 //! A host moves the processors of a virtual machine from one core to another, often for some seconds. While a virtual
-//! machine's processors run on cores far from each other, kernels whose work-groups share data take up to 1.5 times as
-//! long as usual. While two processors of a virtual machine share a core, kernels take about 1.4 times as long as usual
-//! (a median; some kernels even become faster). The core-to-core latency around a sample is the time in which a cache
-//! line moves from one processor to another. The core-to-core latency is larger than usual if the cores are far from
-//! each other, and smaller if processors share a core. The core-to-core latency is measured between samples, so it does
-//! not depend on the times of the points. *Near* processors run on cores at their usual distance. A sample does not
-//! count if the core-to-core latency around the sample is much larger or smaller than the latency of near processors in
-//! the same run. Before a sample, a launch waits until the processors run on cores at their usual distance, but only
-//! for a limited time. All samples count until a run has read the latency often enough to know its usual value. A
-//! launch does not count if too few of its samples count; an additional launch replaces a launch that does not count. A
-//! group has at most twice as many launches as requested.
+//! machine's processors run on cores far from each other, kernels whose work-groups share data take up to 1.5 times
+//! as long as usual. While two processors of a virtual machine share a core, kernels take about 1.4 times as long as
+//! usual (a median; some kernels even become faster). The core-to-core latency around a sample is the time in which a
+//! cache line moves from one processor to another. The core-to-core latency is larger than usual if the cores are far
+//! from each other, and smaller if processors share a core. The core-to-core latency is measured between samples, so
+//! it does not depend on the times of the points. *Near* processors run on cores at their usual distance. A sample
+//! does not count if the core-to-core latency around the sample is much larger or smaller than the latency of near
+//! processors in the same run. Before a sample, a launch waits until the processors run on cores at their usual
+//! distance, but only for a limited time. All samples count until a run has read the latency often enough to know the
+//! latency's usual value. A launch does not count if too few of its samples count; an additional launch replaces a
+//! launch that does not count. A group has at most twice as many launches as requested.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;

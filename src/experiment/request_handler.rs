@@ -218,7 +218,7 @@ fn possible<T>(
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Warmed {
     /// The shortest time of a pass (primary rays, shadow rays or shading), or of a frame that is not divided into
-    /// passes. The device's clock measures this time; for a caster on the host, the host's clock measures it.
+    /// passes. The time is measured by the device's clock or, for a caster on the host, by the host's clock.
     pass_ms: f64,
     /// The shortest time of a frame by the host's clock.
     host_ms: f64,

@@ -147,7 +147,7 @@ pub struct Record {
     pub shade_ms: Option<f64>,
     /// The median time, on the host's clock, of the frames in `samples_ms`.
     pub host_median_ms: Option<f64>,
-    /// Time for building the program. For the point for which the program was built, this time includes running
+    /// Time for building the program. If the program was built for this point, the time includes running
     /// a kernel once, because drivers may compile a kernel when it first runs. For all other points with the
     /// same program, `build_ms` is the time for taking the program from raycl's cache. If raycl's cache is not
     /// used, `build_ms` is only the time for compiling.
