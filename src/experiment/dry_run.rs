@@ -25,7 +25,7 @@ pub struct Forecast {
     /// Notes on what raycl ignored in the scene's file or replaced by defaults, and on other scenes of the config with
     /// the same content.
     pub scene_notes: Vec<String>,
-    /// True if the point has a record because of which a resumed run does not measure the point again.
+    /// True if a resumed run does not measure the point again, because the point has a record.
     pub done: bool,
 }
 

@@ -172,7 +172,7 @@ impl Run<'_> {
         Ok(groups.iter().flatten().filter_map(cost).collect())
     }
 
-    /// Returns a point's times by an earlier record of the same point or, if there is none, of the same
+    /// Returns a point's times from an earlier record of the same point or, if there is none, of the same
     /// scene, device and strategy. Returns `None` if no earlier record matches the point, or if the matching
     /// record has no time. Also returns `None` if the record says that the point did not fit on its device,
     /// but the point fits in this session.
@@ -181,7 +181,7 @@ impl Run<'_> {
         self.known(&pending.record, before?)
     }
 
-    /// Returns a point's times by the record `earlier`; `None` if this record has no time. `draft` is the
+    /// Returns a point's times from the record `earlier`; `None` if this record has no time. `draft` is the
     /// point's record before the point is tried.
     fn known(&self, draft: &Record, earlier: &Record) -> Option<Known> {
         // A point that does not fit on its device takes no time. If too little memory was free during the
@@ -357,7 +357,7 @@ impl<'a> ByName<'a> {
 /// Estimates the time of a point that was never measured, well enough to distinguish slow points from fast
 /// points. The estimate assumes that a ray is tested against every triangle or, with a tree, against thirty
 /// boxes and triangles on each level. It also assumes that a device does a fixed number of these tests per
-/// millisecond. The host is assumed to do a tenth of the device's number.
+/// millisecond. The host is assumed to do a tenth as many tests per millisecond.
 fn guessed(draft: &Record) -> Known {
     const TESTS_PER_MS: f64 = 1e6;
     let rays = draft.primary_rays() * (1.0 + draft.lights.unwrap_or(1) as f64);

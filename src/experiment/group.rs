@@ -119,9 +119,9 @@ impl OpenGroup {
 
     /// Measures one launch of the group: checks the points, and times those that pass. Before this launch, the first
     /// visit takes over the complete launches of earlier sessions. If the group then has enough launches, its points
-    /// are checked, but not timed. If it has enough launches at the end of the visit, the records of its points are
-    /// stored. If a worker process is lost while points are timed, new worker processes repeat the whole launch. While
-    /// points are timed, no other raycl process measures on the points' devices.
+    /// are checked, but not timed. If the group has enough launches at the end of the visit, the records of the
+    /// group's points are stored. If a worker process is lost while points are timed, new worker processes repeat the
+    /// whole launch. While points are timed, no other raycl process measures on the points' devices.
     pub fn visit(
         &mut self,
         run: &Run<'_>,

@@ -160,8 +160,8 @@ pub const DEPTH: &[Parameter] = &[p(Always, "volatile __global int *", "depth")]
 pub const DEPTH_TO_NEAREST: &[Parameter] =
     &[p(Always, "const __global int *", "depth"), p(Always, "volatile __global int *", "nearest_triangle")];
 
-// Parameters of kernels that cast tiles. `TILE_NEAREST_OUT` and `TILE_NEAREST_IN` are for all kernels with tiles, the
-// others for tiles that work-items share.
+// Parameters of kernels that cast tiles. `TILE_NEAREST_OUT` and `TILE_NEAREST_IN` are for all kernels with tiles. The
+// parameters after them are for tiles that work-items share.
 pub const TILE_NEAREST_OUT: &[Parameter] = &[p(Always, "__global int *restrict", "nearest")];
 pub const TILE_NEAREST_IN: &[Parameter] = &[p(Always, INTS, "nearest")];
 pub const FIRST_LIGHT: &[Parameter] = &[p(Always, "const int", "first_light")];

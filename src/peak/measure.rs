@@ -198,7 +198,8 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     let (seconds, loops) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
-    // A sum of equal powers of two stops growing after 2^24 of them, since a further one is then lost by rounding.
+    // A sum of equal powers of two stops growing after 2^24 of them, since a further power of two is then lost by
+    // rounding.
     let reads = f64::from(loops).min(f64::from(1 << 24));
     let expected = reads * (SLOTS * width) as f64 * own_number(group - 1);
     expect("__local reads", f64::from(sums[items - 1]), expected)?;

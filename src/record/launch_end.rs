@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 pub struct LaunchEnd {
     /// The launch's number, which is unique in the folder of results.
     pub launch: u32,
-    /// The rule because of which no further samples were taken in this launch.
+    /// The rule that ended the sampling in this launch.
     pub stop_reason: StopReason,
     /// For each point that did not fail: the point's key and its number of samples.
     pub samples: BTreeMap<String, usize>,

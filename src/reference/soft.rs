@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 pub struct Seen<'a> {
     /// The scene's lights. A light with an extent is replaced by a light at one of its points.
     pub lights: Cow<'a, [Light]>,
-    /// The sky, and a point of the unit sphere that determines the direction in which it is seen.
+    /// The sky, and a point of the unit sphere that determines the direction in which the sky is seen.
     pub sky: Option<(&'a Sky, DVec3)>,
     /// Two numbers from 0 to 1 that determine which direction of the sky's picture a shiny surface mirrors.
     pub mirrored: [f64; 2],
