@@ -277,8 +277,8 @@ impl Run<'_> {
     }
 }
 
-/// Returns by how many milliseconds the first launch of a group takes longer than a later launch. Only in the
-/// first launch are pictures compared with the reference and, if raycl has a cache, programs compiled.
+/// Returns by how many milliseconds the first launch of a group takes longer than a later launch. Only the
+/// first launch compares pictures with the reference and, if raycl has a cache, compiles programs.
 fn first_launch_ms(points: &[Known]) -> f64 {
     points.iter().map(|point| point.check_ms[1] - point.check_ms[0]).sum()
 }

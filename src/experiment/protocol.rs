@@ -64,8 +64,8 @@ pub enum DeviceList {
 pub struct Listed {
     /// The device's properties.
     pub info: DeviceInfo,
-    /// The mistake in one of the user's kernel files because of which the device cannot be used; `None` if there
-    /// is no such mistake.
+    /// A mistake in one of the user's kernel files, with which the device cannot be used; `None` if there is no
+    /// such mistake.
     mistake: Option<Failure>,
 }
 

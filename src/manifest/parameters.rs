@@ -6,7 +6,8 @@ use super::Fact::{
     Tree,
 };
 
-/// A parameter of a kernel. `Arguments::bind` (`src/launch/arguments.rs`) binds the argument with the same name to it.
+/// A parameter of a kernel. `Arguments::bind` (`src/launch/arguments.rs`) binds the argument with the same name to
+/// the parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parameter {
     /// The condition under which kernels have this parameter.

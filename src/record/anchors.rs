@@ -66,8 +66,8 @@ pub(super) struct AnchorTimes<'a> {
 pub(super) struct AnchorUtilization {
     /// The median of the ratios of the remaining samples ([`AnchorTimes::remaining`]).
     pub remaining: f64,
-    /// The ratio for all samples together, including the preempted samples. A point with long
-    /// frames is probably delayed by other programs by about the same factor as the anchor is over all its samples.
+    /// The ratio for all samples together, including the preempted samples. Other programs probably delay a point
+    /// with long frames by about the same factor by which they delay all samples of the anchor together.
     pub overall: f64,
 }
 

@@ -21,7 +21,7 @@ const OPAQUE: u32 = 255;
 /// The largest number of texels near a point that are read. If there are more, any alpha may occur among them.
 const MOST_TEXELS: usize = 1024;
 
-/// A finder that passes on the hits of another finder, except those in holes.
+/// A finder that passes on the hits of another finder, except hits in holes.
 pub struct Solid<'a, R: Real> {
     finder: Arc<dyn Finder<R> + 'a>,
     textures: Option<&'a Textures>,

@@ -21,8 +21,8 @@ const BILLIONS: f64 = 1e-9;
 
 /// Returns a plot for every device that has points with a known number of ray-triangle tests. If the operations of a
 /// test are unknown for all points of a device, the plot shows only the roofs; if the device's peak rates are unknown
-/// too, the device gets no plot. If several folders contain peak rates of the device, the plot shows those of the last
-/// folder. `drivers` maps a device's common name to the name that the driver reports.
+/// too, the device gets no plot. If several folders contain peak rates of the device, the plot shows the peak rates
+/// of the last folder. `drivers` maps a device's common name to the name that the driver reports.
 pub fn rooflines(
     groups: &[Group<'_>],
     looks: &Looks,
@@ -200,7 +200,7 @@ enum Rates<'a> {
     /// The plot has no roofs, because the rate of multiply-adds is 0, or because the rates of both memories
     /// are 0.
     Zero,
-    /// There are no peak rates. The element contains a message for each file of peak rates that cannot be read.
+    /// There are no peak rates. The list contains a message for each file of peak rates that cannot be read.
     Unknown(&'a [String]),
 }
 

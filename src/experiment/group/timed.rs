@@ -42,7 +42,8 @@ pub(super) struct Timed<'b, 's, K> {
     pub latency: Latency,
 }
 
-/// The shortest time between two readings of the core-to-core latency: many times the duration of a reading.
+/// The shortest time between two readings of the core-to-core latency. It is many times as long as a
+/// reading.
 const READING_EVERY: Duration = Duration::from_millis(20);
 
 /// Measures the core-to-core latency before and after samples.

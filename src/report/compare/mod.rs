@@ -105,8 +105,8 @@ impl Comparison {
     }
 
     /// Compares two folders of kernels that one run measured. Points whose program has the same source text with both
-    /// folders of kernels are not compared. If this is true of all points, the comparison contains no pairs, and a note
-    /// says so.
+    /// folders of kernels are not compared. If no point is compared for this reason, the comparison contains no
+    /// pairs, and a note says so.
     pub fn of_kernels(folder: &Folder, threshold: f64) -> Self {
         let mut comparison = Self::without_points([folder, folder], threshold);
         comparison.notes.clone_from(&folder.notes);
