@@ -18,7 +18,7 @@ pub struct Before {
     /// At most one record per point. If several attempts have a record of a point, the record with the lowest
     /// [rank](Record::rank) is used, as in `raycl merge`.
     pub records: Vec<Record>,
-    /// The samples of those launches of all attempts in which an unfinished point was measured. The launches are
+    /// The samples of all launches, of any attempt, in which an unfinished point was measured. The launches are
     /// renumbered, so that no two attempts' launches have the same number. Each sample states the attempt and the
     /// launch in which it was taken. Samples that do not count, because their core-to-core latency is far from the
     /// attempt's usual latency, are left out.

@@ -119,13 +119,13 @@ impl Run<'_> {
         points.filter(is_done).map(|pending| pending.record.key.clone()).collect()
     }
 
-    /// Returns true if `record`, an earlier record of the point, makes another measurement of the point
-    /// unnecessary. If the run retries failed points, it measures two kinds of points again: points that
-    /// failed, and points for which too little memory happened to be free. If an earlier session
-    /// skipped a point because its preset is meant for another kind of device, a run without this restriction
-    /// measures the point. If a point exceeded a limit of the device in an earlier session, but fits now,
-    /// every run measures the point again. If another device than the point's own measured the point, a run measures
-    /// the point again, unless the run distributes points over several devices.
+    /// Returns true if `record`, an earlier record of the point, makes another measurement of the point unnecessary.
+    /// If the run retries failed points, it measures two kinds of points again: points that failed, and points for
+    /// which too little memory happened to be free. If an earlier session skipped a point because its preset is
+    /// meant for another kind of device, a run without this restriction measures the point. If a point exceeded a
+    /// limit of the device in an earlier session, but fits now, every run measures the point again. If a device
+    /// other than the point's own device measured the point, a run measures the point again, unless the run
+    /// distributes points over several devices.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         let counts = !asked_for && !pending.fits_meanwhile(record) && self.is_of_own_device(record, pending);

@@ -69,9 +69,9 @@ impl Plan {
         self.points.chunk_by(|one, other| self.compares(one, other))
     }
 
-    /// Returns the groups of points for a run that is distributed over devices: each device, and the host,
-    /// has its own groups. A group contains the indices of its points. If scenes are compared, the plan may
-    /// have points of another device between the points of a group.
+    /// Returns the groups of points for a run that is distributed over devices. Each device has its own
+    /// groups, and so does the host. A group contains the indices of its points. If scenes are compared,
+    /// the plan may have points of another device between the points of a group.
     pub fn groups_by_device(&self) -> Vec<Vec<usize>> {
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for (index, point) in self.points.iter().enumerate() {

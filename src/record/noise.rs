@@ -24,7 +24,8 @@ pub struct Noise {
     /// Number of samples of all points together.
     pub samples: usize,
     /// The smallest difference between two points that a single launch can show, computed in the same way as
-    /// `between_launches`. This is the median over the launches in which at least two points have enough samples.
+    /// `between_launches`. The value is the median over the launches in which at least two points have enough
+    /// samples.
     pub within_launch: Option<f64>,
     /// The smallest difference between two points that all launches together can show (the largest value of
     /// all groups of points).

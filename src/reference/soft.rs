@@ -68,7 +68,8 @@ impl<'a> Seen<'a> {
 /// The axes in which a half vector is computed; the last axis is then turned to the normal.
 const AXES: [[f64; 3]; 3] = [[0.8, -0.6, 0.0], [0.48, 0.64, -0.6], [0.36, 0.48, 0.8]];
 
-/// Returns a unit vector around a normal, with a probability proportional to the cosine of its angle to the normal.
+/// Returns a unit vector near a normal. The vector is chosen with a probability proportional to the cosine of its
+/// angle to the normal.
 pub fn way_to_sky<R: Real>(point: DVec3, normal: R::Vector) -> R::Vector {
     (normal + R::Vector::round(point)).normalize_or_zero()
 }

@@ -189,7 +189,7 @@ fn sure(group: &Group<'_>, ranking: &Ranking<&Record>) -> (&'static str, String)
         }
         1 => {
             // Points without a time, and points without a rank (with too few samples, or with a time of 0),
-            // may be faster than the winner. The result of the group is clear only if another point than the
+            // may be faster than the winner. The result of the group is clear only if a point besides the
             // winner has a rank, or if the group has no other point.
             let (others, is_known) = match (group.records.len(), ranking.ranked.len()) {
                 (1, _) => ("There is no other point", true),

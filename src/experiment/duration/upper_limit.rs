@@ -1,4 +1,4 @@
-//! The upper limit of the frames' total time, for a run of which no point was measured before.
+//! The upper limit of the frames' total time, for a run whose points were never measured before.
 
 use super::{Expected, in_minutes};
 use crate::experiment::Run;
