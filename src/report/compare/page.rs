@@ -49,11 +49,11 @@ impl Comparison {
              anchor, no baseline and no such kernel, the verdict is \"not comparable\". The two times are compared without being divided in three cases: \
              with `--times`; if the devices differ and the folders have no baselines in common; and if one run \
              measured the point with both folders of kernels. The change is the second folder's \
-             quotient (or time), divided by the first folder's quotient (or time). A point is called faster (or slower) if its whole 95% \
-             interval is a decrease (or an increase) of more than {0}%. A point is called the same if its whole \
-             interval is a change of less than {0}% in either direction. All other points are unclear. Nominally, at most one point in 40 is \
-             wrongly called faster, and at most one in 40 wrongly called slower. Points with fewer than five \
-             samples in a launch, or with a sample of the time 0, are not judged.",
+             quotient (or time), divided by the first folder's quotient (or time). A point is called faster \
+             (or slower) if its whole 95% interval is a decrease (or an increase) of more than {0}%. A point is \
+             called the same if its whole interval is a change of less than {0}% in either direction. All other \
+             points are unclear. Nominally, at most one point in 40 is wrongly called faster, and at most one \
+             in 40 wrongly called slower. Points with fewer than five samples in a launch, or with a sample of the time 0, are not judged.",
             self.threshold_percent()
         )
     }
