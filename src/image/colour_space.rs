@@ -34,11 +34,11 @@ fn of_png(bytes: &[u8], profile: Option<&[u8]>) -> Option<String> {
     let other_profile = || (!profile.is_some_and(is_srgb)).then(|| "an ICC profile".to_owned());
     let header: Vec<_> = png_chunks(bytes).take_while(|(kind, ..)| *kind != b"IDAT").collect();
     let chunk = |name: &[u8]| header.iter().find(|(kind, ..)| *kind == name).map(|(_, _, data)| *data);
-    // A reader uses the first of these that the picture has: cICP, iCCP, sRGB, or gAMA and cHRM together (PNG, third
-    // edition, 4.3).
+    // A reader uses the first of these chunks that the picture has: cICP, iCCP, sRGB, or gAMA and cHRM together (PNG,
+    // third edition, 4.3).
     if let Some(code) = chunk(b"cICP") {
-        // sRGB has the primaries 1 and the transfer function 13 (ITU-T H.273). The fourth byte is 1 if the channels use
-        // the full range of values.
+        // In a cICP chunk, the number of sRGB's primaries is 1, and the number of its transfer function is 13 (ITU-T
+        // H.273). The fourth byte is 1 if the channels use the full range of values.
         return (!matches!(code, [1, 13, _, 1])).then(|| format!("cICP {code:?}"));
     }
     if chunk(b"iCCP").is_some() {

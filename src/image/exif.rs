@@ -1,15 +1,16 @@
 //! Reads the colour space from the Exif data of a picture (JEITA CP-3451, "Exchangeable image file format").
 
-/// The tags of entries that point to further lists: the first list has an entry `EXIF` that points to the list of Exif,
-/// and this list has an entry `INTEROPERABILITY` that points to a third list.
+/// The tags of two entries that point to further lists. The first list has an entry `EXIF`, which points to the second
+/// list, that of Exif. The second list has an entry `INTEROPERABILITY`, which points to a third list.
 const EXIF: u16 = 0x8769;
 const INTEROPERABILITY: u16 = 0xa005;
 const COLOUR_SPACE: u16 = 0xa001;
 /// The tag of the name of the rules by which a camera has written a picture. The rules `R03` are those for Adobe RGB.
 const RULES: u16 = 1;
 
-/// Returns true if Exif data, which begin with the byte order, state the colour space Adobe RGB. The colour space 65535
-/// does not mean Adobe RGB, but that the colour space is not stated: Photoshop writes it in many sRGB pictures.
+/// Returns true if Exif data, which begin with the byte order, state the colour space Adobe RGB. The number 65535 for
+/// the colour space means that none is stated: Photoshop writes this number into many sRGB pictures. Therefore, 65535
+/// does not count as Adobe RGB.
 pub fn states_adobe_rgb(exif: &[u8]) -> bool {
     let exif = Exif { bytes: exif, is_little: exif.starts_with(b"II") };
     let Some(list) = exif.u32(4).and_then(|first| exif.pointer(first, EXIF)) else { return false };
@@ -35,13 +36,14 @@ impl Exif<'_> {
         Some(value as usize)
     }
 
-    /// Returns the place of the value with the tag `tag` in the list of entries at `list`.
+    /// Returns the position, in the Exif data, of the value of the entry with the tag `tag`. `list` is the position of
+    /// the entry's list.
     fn entry(&self, list: usize, tag: u16) -> Option<usize> {
         let entries = (0..usize::from(self.u16(list)?)).map(|index| list + 2 + 12 * index);
         entries.into_iter().find(|entry| self.u16(*entry) == Some(tag)).map(|entry| entry + 8)
     }
 
-    /// Returns the place of the list to which an entry points.
+    /// Returns the position of the list to which an entry points.
     fn pointer(&self, list: usize, tag: u16) -> Option<usize> {
         self.entry(list, tag).and_then(|value| self.u32(value))
     }

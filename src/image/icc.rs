@@ -1,6 +1,7 @@
 //! Compares ICC profiles with sRGB (ICC.1:2022, "Image technology colour management").
 
-/// The tags of a profile's primaries, with sRGB's primaries: X, Y and Z, adapted to the white D50.
+/// For each of a profile's three primaries: the primary's tag, and X, Y and Z of the same primary of sRGB, adapted to
+/// the white D50.
 const PRIMARIES: [(&[u8], [f32; 3]); 3] = [
     (b"rXYZ", [0.4361, 0.2225, 0.0139]),
     (b"gXYZ", [0.3851, 0.7169, 0.0971]),
@@ -8,14 +9,14 @@ const PRIMARIES: [(&[u8], [f32; 3]); 3] = [
 ];
 /// The tags of a profile's curves, which convert stored values to linear light.
 const CURVES: [&[u8]; 3] = [b"rTRC", b"gTRC", b"bTRC"];
-/// sRGB's linear light of the stored value 0.5.
+/// The linear light to which sRGB converts the stored value 0.5.
 const MIDDLE: f32 = 0.2140;
-/// A number of a profile (a component of a primary, or a curve's linear light of the stored value 0.5) counts as sRGB's
-/// if it differs from sRGB's by at most this value. For a curve that is a pure power with the exponent 2.2, the linear
-/// light differs by 0.004.
+/// A number of a profile counts as equal to sRGB's number if the two differ by at most `CLOSE`. The compared numbers
+/// are the components of the primaries, and the linear light to which a curve converts the stored value 0.5. If a curve
+/// is a pure power with the exponent 2.2, this linear light differs from sRGB's by 0.004.
 const CLOSE: f32 = 0.01;
 
-/// Returns true if a profile is known to be sRGB's, or that of sRGB's shades of grey.
+/// Returns true if a profile is known to describe sRGB, or shades of grey with sRGB's curve.
 pub fn is_srgb(profile: &[u8]) -> bool {
     let has_curve = |name| {
         let light = tag(profile, name).and_then(light_of_middle);

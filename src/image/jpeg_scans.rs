@@ -14,7 +14,8 @@ const MOST_COMPONENTS: usize = 4;
 /// bit. Programs write all bits of all coefficients, so scans of the file were lost, for example because it was cut
 /// off. Returns false for other JPEGs, and if the header of the frame is not valid.
 pub(super) fn are_missing(bytes: &[u8]) -> bool {
-    // For each component, its identifier in the file, and the coefficients whose last bits are missing (one bit each).
+    // For each component: its identifier in the file, and a word with one bit for each coefficient. The bit is set if
+    // no scan so far has the coefficient's last bit.
     let mut components: Vec<(u8, u64)> = Vec::new();
     let mut rest = bytes.get(2..).unwrap_or_default();
     while let Some(scan) = pass_header(rest, &mut components) {
@@ -23,9 +24,8 @@ pub(super) fn are_missing(bytes: &[u8]) -> bool {
     components.iter().any(|(_, missing)| *missing != 0)
 }
 
-/// Reads the segments up to the header of the next scan, and removes the coefficients whose last bits this scan has
-/// from `components`. Returns the bytes after this scan; `None` if there is no further scan, or if a header is not
-/// valid.
+/// Reads the segments up to the header of the next scan. Removes from `components` the coefficients whose last bits are
+/// in this scan. Returns the bytes after this scan; `None` if there is no further scan, or if a header is not valid.
 fn pass_header<'a>(rest: &'a [u8], components: &mut Vec<(u8, u64)>) -> Option<&'a [u8]> {
     for (kind, data, after) in segments_of(rest) {
         match kind {

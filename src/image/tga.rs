@@ -52,7 +52,8 @@ pub fn has_alpha_bits(bytes: &[u8]) -> bool {
 /// Returns true if the uppermost bits of the texels differ in an uncompressed TGA of 16 bits per texel.
 fn alpha_bits_differ(bytes: &[u8]) -> Option<bool> {
     let number = |at: usize| Some(usize::from(u16::from_le_bytes(*bytes.get(at..)?.first_chunk()?)));
-    // Before the texels are a text, whose length is the first byte, and a palette, which has no effect here.
+    // Two parts precede the texels: a text, whose length is the file's first byte, and a palette, which this kind of
+    // picture does not use.
     let start = HEADER_BYTES + usize::from(*bytes.first()?);
     let is_plain = bytes.get(1..3)? == [0, UNCOMPRESSED];
     let texels = bytes.get(start..)?.chunks_exact(2).take(number(12)? * number(14)?);
@@ -61,7 +62,7 @@ fn alpha_bits_differ(bytes: &[u8]) -> Option<bool> {
     Some(is_plain && bits.any(|bit| bit != first))
 }
 
-/// Returns the extension area, whose place the footer states; `None` if a TGA has none.
+/// Returns the extension area, whose position the footer states; `None` if a TGA has no extension area.
 fn extension(bytes: &[u8]) -> Option<&[u8; EXTENSION_BYTES]> {
     let place = bytes.strip_suffix(TGA_FOOTER)?.last_chunk::<8>()?.first_chunk()?;
     let place = u32::from_le_bytes(*place) as usize;
