@@ -9,16 +9,17 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// The displayed channels of a triangle's colour are rounded to this many steps (8 bits, as in most files), so that
-/// triangles of almost equal colour share a material. Colours of corners have finer steps ([`packed`]).
+/// Each displayed channel of a triangle's colour is rounded to one of `STEPS` equal steps (8 bits, as in most files).
+/// Triangles of almost equal colour thus share a material. Colours of corners have finer steps ([`packed`]).
 const STEPS: f32 = 255.0;
 
-/// If a used colour has a channel larger than this, all channels in the file count as numbers from 0 to 255. If a used
-/// alpha is larger than this, all alphas count as numbers from 0 to 255. The limit is above 1, because rounded channels
-/// may be slightly larger than 1.
+/// If a colour that raycl uses has a channel larger than `MOST_OF_UNIT`, raycl reads all channels in the file as
+/// numbers from 0 to 255, otherwise as numbers from 0 to 1. The same rule, with the largest alpha in place of the
+/// largest channel, decides how raycl reads alphas. `MOST_OF_UNIT` is above 1, because rounded channels may be slightly
+/// larger than 1.
 const MOST_OF_UNIT: f32 = 1.5;
-/// If the largest channel is smaller than this, it is doubtful that channels are numbers from 0 to 255, since all
-/// colours would be almost black.
+/// If raycl reads channels as numbers from 0 to 255, and the largest of them is smaller than `LEAST_OF_BYTES`, all
+/// colours are almost black. It is then doubtful that channels are numbers from 0 to 255.
 const LEAST_OF_BYTES: f32 = 16.0;
 
 /// Converts a displayed channel (sRGB, IEC 61966-2-1) to linear light.
@@ -90,14 +91,14 @@ pub(in crate::scene) fn is_outside(colour: &Vec3) -> bool {
     !colour.to_array().iter().all(|channel| (-most..=1.0 + most).contains(channel))
 }
 
-/// Returns the value of a channel at full intensity if channels are not whole numbers of a known range. `brightest` is
-/// the largest channel of all colours. Some programs write colours from 0 to 255, others from 0 to 1. All colours of a
-/// file have the same range.
+/// Returns the value of a channel at full intensity, for a file whose channels are not whole numbers of a known range.
+/// `brightest` is the largest channel of all colours. Some programs write colours from 0 to 255, others from 0 to 1.
+/// All colours of a file have the same range.
 pub(in crate::scene) fn full_channel(brightest: f32) -> f32 {
     if brightest > MOST_OF_UNIT { 255.0 } else { 1.0 }
 }
 
-/// Returns a note if channels count as numbers from 0 to 255 ([`full_channel`]), although this is doubtful.
+/// Returns a note if raycl reads channels as numbers from 0 to 255 ([`full_channel`]), although this is doubtful.
 pub(in crate::scene) fn note_bytes(brightest: f32) -> Option<String> {
     let is_doubtful = full_channel(brightest) > 1.0 && brightest < LEAST_OF_BYTES;
     is_doubtful.then(|| {

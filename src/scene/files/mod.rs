@@ -36,7 +36,7 @@ pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_f
 /// measured for two OBJ meshes of a dragon, with 202,520 and 810,080 triangles.
 const READING_FACTOR: u64 = 4;
 
-/// A triangle counts as a line if the sine of its angle at the first corner is at most this.
+/// A triangle counts as almost a line if the sine of its angle at the first corner is at most this value.
 const THIN: f64 = 1e-6;
 
 /// The contents of a mesh file, with notes on ignored parts.

@@ -13,27 +13,28 @@ use std::borrow::Cow;
 /// The largest valid coordinate of a mesh that may be scaled. The distance between two points within this
 /// limit is finite in double precision.
 pub(in crate::scene) const LARGEST: f64 = 1e300;
-/// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. At this
-/// distance, coordinates in single precision are 16 times as coarse as they would be at a distance of one radius.
+/// A mesh counts as far from the origin if its centre is more than `FAR_RADII` of its radii away from the origin. At
+/// this distance, coordinates in single precision are 16 times as coarse as they would be at a distance of one radius.
 const FAR_RADII: f64 = 16.0;
-/// A mesh with a smaller radius than this is scaled, because products of its lengths could underflow. A
-/// ray-triangle test multiplies up to four lengths. If the edges of a mesh are a thousandth of this radius,
-/// the product of four edges is 1e-36. The smallest normal number of single precision is 1.2e-38.
+/// A mesh with a smaller radius than `SMALLEST_RADIUS` is scaled, because products of its lengths could underflow. A
+/// ray-triangle test multiplies up to four lengths. If the edges of a mesh have a thousandth of the length
+/// `SMALLEST_RADIUS`, the product of four edges is 1e-36. The smallest normal number of single precision is 1.2e-38.
 const SMALLEST_RADIUS: f64 = 1e-6;
-/// A mesh with a larger radius than this is scaled. The lights that raycl adds are ten radii away from the
-/// mesh, and the edges of the ground that raycl adds are 60 radii away. The coordinates of the added lights
-/// and of the ground's edges must be within +-1e12.
+/// A mesh with a larger radius than `LARGEST_RADIUS` is scaled. raycl adds lights at a distance of ten radii from the
+/// mesh, and a ground whose edges are 60 radii away. The coordinates of these lights and edges must be within +-1e12.
 const LARGEST_RADIUS: f64 = 1e9;
 
-/// A triangle is inexact if rounding changes one of its sides by more than this part of its longest side.
+/// A triangle is inexact if the rounding of its corners to single precision changes one of its sides by more than the
+/// fraction `INEXACT` of its longest side.
 const INEXACT: f64 = 1.0 / 64.0;
-/// A triangle can only be inexact if its longest side is shorter than this many steps between neighbouring numbers of
-/// single precision. Rounding changes each coordinate of a side by at most one step.
+/// A triangle can be inexact only if its longest side is shorter than `FEW_STEPS` steps. A step is the distance between
+/// neighbouring numbers of single precision. Rounding changes each coordinate of a side by at most one step.
 const FEW_STEPS: f32 = 128.0;
-/// In a file of single precision, triangles whose sides are at most this many steps long are probably inexact.
+/// If a file stores positions in single precision, triangles whose sides are at most `COARSE_STEPS` steps long are
+/// probably inexact.
 const COARSE_STEPS: f32 = 16.0;
-/// Largest number of triangles in the sample that decides whether all triangles of a mesh are examined. To examine all
-/// takes time.
+/// Largest number of triangles in the sample that decides whether all triangles of a mesh are examined. Examining all
+/// triangles takes time.
 const SAMPLE: usize = 1024;
 
 /// Which coordinates of a mesh file are valid.
@@ -302,18 +303,18 @@ fn sample<T>(triangles: &[T]) -> impl Iterator<Item = &T> {
     triangles.iter().step_by(triangles.len().div_ceil(SAMPLE).max(1))
 }
 
-/// Returns true if no coordinate of a triangle's sides is longer than about this many steps of single precision. A step
-/// is the distance between neighbouring numbers near the triangle's largest coordinate.
+/// Returns true if no coordinate of a triangle's sides is longer than about `steps` steps. A step is the distance
+/// between neighbouring numbers of single precision near the triangle's largest coordinate.
 fn is_small([a, b, c]: [Vec3; 3], steps: f32) -> bool {
     let sides = [b - a, c - b, a - c].map(|side| side.abs().max_element());
     let farthest = a.abs().max(b.abs()).max(c.abs()).max_element();
     sides.into_iter().fold(0.0, f32::max) <= steps * f32::EPSILON * farthest
 }
 
-/// Returns true if the sides of most triangles are only a few steps of single precision long, in a file that stores
-/// positions in single precision. The program that wrote the file then probably rounded their corners. It
-/// probably did not if the last bits of nearly all largest coordinates are equal, as in a grid of whole numbers, or of
-/// whole numbers and a half.
+/// Examines a file that stores positions in single precision. Returns true if the sides of most triangles are only a
+/// few steps of single precision long: the program that wrote the file has then probably rounded the corners. If the
+/// largest coordinates of nearly all triangles have the same last bit, as in a grid of whole numbers, or of whole
+/// numbers plus one half, the program has probably not rounded the corners, and the function returns false.
 pub(super) fn are_coarse<T>(triangles: &[T], corners: impl Fn(&T) -> [Vec3; 3]) -> bool {
     let last_bit = |corner: Vec3| corner.abs().max_element().to_bits() & 1;
     let visible = || sample(triangles).map(&corners).filter(are_apart);

@@ -29,11 +29,12 @@ const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFor
 
 /// Alphas that are clearly neither transparent nor opaque.
 const PARTIAL_ALPHAS: RangeInclusive<u32> = 16..=239;
-/// The opacity of a mask counts as partial if more than one in this many texels is neither transparent nor opaque, and
-/// nor is any other texel of its square.
+/// A mask counts as translucent if more than one in `LEAST_SHARE` of its texels lies in a square (see [`SQUARE`]) whose
+/// texels are all neither transparent nor opaque.
 const LEAST_SHARE: usize = 20;
-/// The side of a square in texels is the larger of two numbers: the first, and the shorter side of the picture divided
-/// by the second. Squares are wider than the soft edges of ordinary masks.
+/// To find translucent masks, raycl divides a mask into squares. A square's side in texels is the larger of two
+/// numbers: the first element of `SQUARE`, and the shorter side of the picture divided by the second element. Squares
+/// are wider than the soft edges of ordinary masks.
 const SQUARE: [usize; 2] = [8, 64];
 
 /// A result whose error continues a message that begins with the picture's name.
@@ -138,7 +139,7 @@ impl Pictures {
         self.leave_out(Part::Alpha, number, name, has_alpha);
     }
 
-    /// Records that the partial opacity of a mask is not used, if there is any. `number` is the index of the mask's
+    /// If a mask is translucent, records that its partial opacity is not used. `number` is the index of the mask's
     /// texture in `list`, and `name` the name of its file.
     pub fn leave_out_opacity(&mut self, number: u32, name: &str) {
         self.leave_out(Part::Opacity, number, name, is_translucent);
@@ -179,8 +180,9 @@ fn has_alpha(texture: &Texture) -> bool {
     texture.texels.iter().any(|texel| texel >> 24 < 255)
 }
 
-/// Returns true if many texels of a mask are neither transparent nor opaque. The mask is divided into squares, and a
-/// texel counts only if this is true of its whole square. Thus, the soft edges of opaque parts do not count.
+/// Returns true if many texels of a mask are neither transparent nor opaque. The mask is divided into squares. A texel
+/// counts only if all texels of its square are neither transparent nor opaque, so the soft edges of opaque parts do not
+/// count.
 fn is_translucent(texture: &Texture) -> bool {
     let [width, height] = texture.size.map(|side| side as usize);
     let side = SQUARE[0].max(width.min(height) / SQUARE[1]);

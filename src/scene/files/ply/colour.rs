@@ -16,7 +16,7 @@ const ALPHA: [&str; 3] = ["alpha", "diffuse_alpha", "a"];
 /// The names of red, green, blue and alpha by which [`Colour::set`] knows them.
 const KNOWN: [&str; 4] = ["red", "green", "blue", "alpha"];
 
-/// The factor by which a channel of the type `ushort` grows if it counts as a number from 0 to 255: 65535 / 255.
+/// The factor by which a channel of the type `ushort` grows if raycl reads it as a number from 0 to 255: 65535 / 255.
 const WIDE_TO_BYTES: f64 = 257.0;
 
 /// The largest channel of 16 bits.
@@ -112,12 +112,13 @@ fn full_channel(property: &Property) -> f64 {
 /// Checks the range of the colour channels. `element` is the definition of the colours' elements, and `colours` returns
 /// the colours.
 ///
-/// Some programs write channels from 0 to 255 in the type `ushort`. If none of these channels is larger than 255, they
-/// would be almost black, so they count as numbers from 0 to 255, with a note. Colours are also almost black if
-/// channels of 10 bits or fewer are in the type `ushort`, or if all channels of other whole numbers are at most 1. This
-/// causes only a note, and only if red, green and blue have the same range.
+/// Some programs write channels from 0 to 255 in the type `ushort`. If none of these channels is larger than 255, the
+/// colours would be almost black, so raycl reads the channels as numbers from 0 to 255, and adds a note. Colours are
+/// also almost black if channels of 10 bits or fewer are in the type `ushort`, or if all channels of other whole
+/// numbers are at most 1. In these two cases, raycl changes no colour. It adds a note if red, green and blue have the
+/// same range.
 ///
-/// Channels that are not whole numbers count as numbers from 0 to 255 if one of them is clearly above 1
+/// raycl reads channels that are not whole numbers as numbers from 0 to 255 if one of them is clearly above 1
 /// ([`check_floats`]).
 pub(super) fn check_range<'a>(
     element: &ElementDef,
@@ -138,8 +139,8 @@ pub(super) fn check_range<'a>(
     (largest > 0.0 && largest <= (1.0 / full) as f32).then(|| doubtful(full, 1.0))
 }
 
-/// Divides channels that are not whole numbers by 255 if one of them is so large that all count as numbers from 0 to
-/// 255, as in an OBJ ([`colours::full_channel`]). `has_alpha` is true if alpha has such a type, too.
+/// Divides channels that are not whole numbers by 255 if one of them is so large that raycl reads all of them as
+/// numbers from 0 to 255, as in an OBJ ([`colours::full_channel`]). `has_alpha` is true if alpha has such a type, too.
 fn check_floats(has_alpha: bool, mut all: Vec<&mut Colour>) -> Option<String> {
     let largest = |channel: fn(&Colour) -> f32| all.iter().map(|colour| channel(colour)).fold(0.0, f32::max);
     let brightest = largest(|colour| colour.channels.max_element());
