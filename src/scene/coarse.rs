@@ -4,17 +4,17 @@ use super::Mesh;
 use super::framing::Ball;
 use glam::DVec3;
 
-/// A triangle is coarse if smooth shadows lift its middle by more than this fraction of the radius of the
-/// ball around the mesh. If the mesh fills a picture that is 1000 pixels high, this fraction of the radius is
-/// about half a pixel. For comparison: coarse triangles have 41% of the area of a sphere with 9,000
-/// triangles, and nothing of the area of a sphere with 16,000.
+/// A triangle is coarse if smooth shadows lift its middle by more than the fraction `COARSE_LIFT` of the radius of the
+/// ball around the mesh. If the mesh fills a picture that is 1000 pixels high, this fraction of the radius is about
+/// half a pixel. For comparison: in a sphere of 9,000 triangles, coarse triangles have 41% of the sphere's area; a
+/// sphere of 16,000 triangles has no coarse triangles.
 const COARSE_LIFT: f64 = 1e-3;
-/// A mesh is coarse if coarse triangles have more than this share of its area. In fine scans, noise makes
-/// some triangles coarse. Coarse triangles have 1.2% of the area of the Stanford bunny (69,451 triangles),
-/// and 0.1% of that of the dragon (202,520 triangles).
+/// A mesh is coarse if coarse triangles have more than the share `COARSE_SHARE` of its area. In fine scans, noise makes
+/// some triangles coarse. Coarse triangles have 1.2% of the area of the Stanford bunny (69,451 triangles), and 0.1% of
+/// that of the dragon (202,520 triangles).
 const COARSE_SHARE: f64 = 0.05;
-/// A lift above a triangle counts if it is more than this fraction of the triangle's edge. Smaller lifts may come from
-/// the rounding of normals to single precision.
+/// Smooth shadows lift a point above its triangle. This lift counts if it is more than the fraction `LEAST_LIFT` of the
+/// triangle's edge. Smaller lifts may come from the rounding of normals to single precision.
 const LEAST_LIFT: f64 = 1e-5;
 /// Largest number of triangles that are examined. In a mesh of more triangles, only every n-th triangle is
 /// examined, so that the decision takes little time.

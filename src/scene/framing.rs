@@ -7,13 +7,13 @@ use rayon::prelude::*;
 
 /// Default field of view across the height. Like a portrait lens, this field of view distorts little.
 const FOV_Y_DEGREES: f32 = 35.0;
-/// The mesh usually fills this fraction of the picture's width or height. In the other direction, the mesh fills
-/// at most this fraction. If the eye would be nearer than `NEAREST_RADII` allows, the eye moves away, and the mesh
-/// fills less.
+/// The mesh usually fills the fraction `FILL` of the picture's width, and at most this fraction of its height, or the
+/// reverse. If the eye would be nearer to the mesh than `NEAREST_RADII` allows, raycl moves the eye away, and the mesh
+/// fills a smaller fraction.
 const FILL: f64 = 0.92;
 /// The default direction from a mesh to the camera: the components to the right, upwards and to the front.
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
-/// The camera of a turntable is placed so that the whole mesh is visible at this many equally spaced angles.
+/// The camera of a turntable is placed so that the whole mesh is visible at `TURNS` equally spaced angles.
 const TURNS: u32 = 24;
 /// The smallest distance between the eye and the point of the mesh that is nearest to the eye, in radii of
 /// the ball around the mesh. This distance is measured along the viewing direction.
@@ -22,31 +22,31 @@ const NEAREST_RADII: f64 = 0.3;
 /// ball's centre. This smallest radius is 8 to 17 times the step between neighbouring f32 numbers that are as
 /// large as the distance.
 const LEAST_RADIUS: f64 = 1e-6;
-/// A mesh is closed if the length of the sum of its area vectors (normal times area) is at most this fraction
-/// of the mesh's area. A mesh that is not closed is open if the horizontal part of the sum of its area vectors
-/// is also longer than this fraction of the mesh's area. If one triangle is reversed in a mesh whose area
-/// vectors add up to zero, the length of the sum becomes twice the triangle's area. Reversing one triangle can
-/// therefore make such a mesh open only if the triangle has more than half of this fraction of the mesh's area.
-/// At most 19 triangles of a mesh are so large.
+/// A mesh is closed if the length of the sum of its area vectors (normal times area) is at most the fraction
+/// `OPEN_PART` of the mesh's area. A mesh that is not closed is open if the horizontal part of this sum is also longer
+/// than the fraction `OPEN_PART` of the mesh's area. If one triangle is reversed in a mesh whose area vectors add up to
+/// zero, the length of the sum becomes twice the triangle's area. Reversing one triangle can therefore make such a mesh
+/// open only if the triangle has more than half of the fraction `OPEN_PART` of the mesh's area. At most 19 triangles of
+/// a mesh are so large.
 const OPEN_PART: f64 = 0.1;
-/// A triangle belongs to a wall if the distances of all its corners from a side of the bounding box are at most this
-/// fraction of the box's extent perpendicular to the side. This fraction is above 0, since the walls of a room are
-/// rarely exactly parallel to the sides of its bounding box.
+/// A triangle belongs to a wall if the distances of all its corners from a side of the bounding box are at most the
+/// fraction `WALL_DEPTH` of the box's extent perpendicular to the side. `WALL_DEPTH` is above 0, since the walls of a
+/// room are rarely exactly parallel to the sides of its bounding box.
 const WALL_DEPTH: f64 = 1.0 / 16.0;
-/// A mesh is a room or a shell only if at least this many of its bounding box's six sides have a wall.
+/// A mesh is a room or a shell only if at least `LEAST_WALLS` of the six sides of its bounding box have a wall.
 const LEAST_WALLS: f64 = 3.0;
-/// The walls of a mesh face outwards if at least this fraction of the walls' area faces outwards.
+/// The walls of a mesh count as facing outwards if at least the fraction `OUTWARDS_PART` of their area faces outwards.
 const OUTWARDS_PART: f64 = 0.9;
-/// The surfaces between the walls of a mesh count as bodies (such as furniture) only if they have at least
-/// this fraction of the mesh's area.
+/// The surfaces between the walls of a mesh count as bodies (such as furniture) only if they have at least the fraction
+/// `BODIES_PART` of the mesh's area.
 const BODIES_PART: f64 = 0.02;
-/// The surfaces between the walls of a mesh count as bodies only if they are nearly closed. They are nearly
-/// closed if the sum of their area vectors (normal times area) has a length of at most this fraction of their
-/// area. For a cube without a bottom face, this length is a fifth of the area. For a shallow recess in the wall
-/// of a shell, the length is a larger part of the area.
+/// The surfaces between the walls of a mesh count as bodies only if they are nearly closed. They are nearly closed if
+/// the sum of their area vectors (normal times area) has a length of at most the fraction `BODIES_OPEN_PART` of their
+/// area. For a cube without a bottom face, this length is a fifth of the area. For a shallow recess in the wall of a
+/// shell, the length is a larger part of the area.
 const BODIES_OPEN_PART: f64 = 0.3;
-/// A side of the bounding box counts as vertical if the component of the upward direction along the side's
-/// normal has an absolute value of less than this.
+/// A side of the bounding box counts as vertical if the absolute value of the upward direction's component along the
+/// side's normal is less than `VERTICAL`.
 const VERTICAL: f64 = 0.1;
 /// Distance of the lights from the centre of the ball around the mesh, in radii of this ball. Nearer lights
 /// would light the mesh unevenly; with lights much farther away, the shading would show less of the mesh's
@@ -62,8 +62,8 @@ pub(super) struct Ball {
     /// The horizontal direction from which an open mesh is seen. For a room without its front wall, this
     /// direction leads to the missing wall. `None` for other meshes.
     opening: Option<DVec3>,
-    /// True if the area vectors (normal times area) of the mesh's triangles nearly add up to zero, or would
-    /// do so if one wrongly wound triangle were reversed.
+    /// True if the area vectors (normal times area) of the mesh's triangles nearly add up to zero. Also true if they
+    /// would nearly add up to zero after a single, wrongly wound triangle was reversed.
     closed: bool,
 }
 
@@ -208,8 +208,8 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let [east, west, north, south, nearest] = chunks.map(of_chunk).reduce(|| [f64::NEG_INFINITY; 5], most);
     // If the left and the right plane are moved outwards until they touch the mesh, these two planes
     // intersect in a line. If the upper and the lower plane are moved outwards until they touch the mesh,
-    // they intersect in a second line. An eye that is as far away as the farther of these two lines sees the
-    // whole mesh.
+    // they intersect in a second line. One of the two lines is farther from the mesh. An eye that is as far away as
+    // this line sees the whole mesh.
     let across = (east + west) / (2.0 * tan_x);
     let down = (north + south) / (2.0 * tan_y);
     let distance = across.max(down).max(nearest + NEAREST_RADII * ball.radius);

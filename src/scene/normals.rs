@@ -13,8 +13,8 @@ pub(super) const MISSING: u32 = u32::MAX;
 /// gain little, because each reads all triangles.
 const MOST_READERS: usize = 16;
 
-/// A sum of plane normals counts as a rounding error if its length is at most this part of the root of the sum of the
-/// normals' squared lengths.
+/// A sum of plane normals counts as a rounding error if it is very short: if its length, divided by the root of the sum
+/// of the normals' squared lengths, is at most `CANCELLED`.
 const CANCELLED: f64 = 1e-9;
 
 /// Gives every corner a finite normal that is not zero. Generated normals are smooth, except at creases:

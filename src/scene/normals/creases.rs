@@ -4,12 +4,12 @@ use crate::scene::mesh::{Mesh, PARALLEL_TRIANGLES};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// At a position with more faces than this, each face gets the normal of its own plane, since comparing every
+/// At a position with more than `MOST_FACES` faces, each face gets the normal of its own plane, since comparing every
 /// two of these faces would take too long.
 const MOST_FACES: usize = 1024;
-/// An edge stays smooth if the angle between its faces' normals exceeds the crease angle by at most this. Rounding
-/// of positions turns faces slightly. Without this tolerance, rounding would decide which edges of a regular prism
-/// are sharp if the normals of neighbouring faces differ by exactly the crease angle.
+/// An edge stays smooth if the angle between its faces' normals exceeds the crease angle by at most `ROUNDING_DEGREES`.
+/// Rounding of positions turns faces slightly. Without this tolerance, rounding would decide which edges of a regular
+/// prism are sharp if the normals of neighbouring faces differ by exactly the crease angle.
 const ROUNDING_DEGREES: f64 = 0.01;
 
 /// A face at a position: its unit normal, and this normal multiplied by twice the face's area.
