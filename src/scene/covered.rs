@@ -8,9 +8,9 @@ use glam::{DVec2, DVec3};
 /// Largest number of triangles that are projected. In a scene with more triangles, only every n-th triangle
 /// is projected.
 const PROJECTED: usize = 4096;
-/// The picture is divided into this many columns and rows of cells. The cells are so large that the projected
-/// triangles, a sample of all triangles, suffice: if a large scene covers a cell, some of the projected
-/// triangles usually lie in this cell.
+/// The picture is divided into `CELLS` columns and `CELLS` rows of cells. The cells are so large that the projected
+/// triangles, a sample of all triangles, suffice: if a large scene covers a cell, some of the projected triangles
+/// usually lie in this cell.
 const CELLS: usize = 16;
 /// The depth at which triangles are cut off if the camera's `z_near` is smaller than this depth.
 const LEAST_DEPTH: f64 = 1e-6;

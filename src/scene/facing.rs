@@ -11,10 +11,10 @@ use rayon::prelude::*;
 /// Number of samples (rays that are tested) across a picture. 48 are enough to tell whether most of the
 /// visible surface faces away.
 const ACROSS: usize = 48;
-/// If more than this fraction of the visible surface faces away, raycl writes a note. With `two_sided` and
-/// without a turntable, there is no such note, since raycl has already reversed the normals of triangles that
-/// face away. With `two_sided` and a turntable, raycl reverses all normals if more than this fraction faces away
-/// and the scene has no outside, as in a room (`turn_normals` in `assemble.rs`).
+/// If more than the fraction `MOST` of the visible surface faces away, raycl writes a note. With `two_sided` and
+/// without a turntable, there is no such note, since raycl has already reversed the normals of triangles that face
+/// away. With `two_sided` and a turntable, raycl reverses all normals if more than the fraction `MOST` faces away and
+/// the scene has no outside, as in a room (`turn_normals` in `assemble.rs`).
 const MOST: f64 = 0.5;
 
 /// The nearest surface at each sample (a ray through the picture): the surface's depth along the camera's

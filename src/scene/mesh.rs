@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A mesh with fewer triangles than this is processed by one thread.
+/// A mesh with fewer than `PARALLEL_TRIANGLES` triangles is processed by one thread.
 pub(super) const PARALLEL_TRIANGLES: usize = 1 << 14;
 
 /// One triangle of a [`Mesh`], as indices into the mesh's lists.
@@ -131,11 +131,12 @@ impl Mesh {
         dark
     }
 
-    /// Returns a function that tells which triangles count for the size of the mesh: those with three corners at
-    /// different positions. No ray hits a triangle with two corners at the same position; some programs leave such
-    /// triangles far from the object. A mesh may have only such triangles, for example if it is so far from its origin
-    /// that rounding joined its corners. The triangles with three different indices of positions then count. If there
-    /// are none of these either, all triangles count.
+    /// Returns a function that tells which triangles count for the size of the mesh. Usually, these are the triangles
+    /// with three corners at different positions: no ray hits any other triangle, and some programs leave triangles
+    /// with two corners at the same position far from the object. If rounding has joined corners, for example because
+    /// the mesh is far from its origin, there may be no triangle with three corners at different positions. The
+    /// triangles with three different indices of positions then count. If no triangle has three different indices
+    /// either, all triangles count.
     fn counts_for_size(&self) -> impl Fn(&Triangle) -> bool + Sync {
         let by_position = |triangle: &Triangle| are_apart(&self.corners(triangle));
         let by_index = |triangle: &Triangle| are_apart(&triangle.positions);

@@ -20,8 +20,7 @@ const KEY_RADII: f64 = 0.8;
 const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);
 /// The sky's radiance from the horizon and from below it.
 const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
-/// Surfaces that are farther from a hit than this do not occlude the sky. The distance is in radii of the
-/// ball around the mesh.
+/// Surfaces that are farther from a hit than `REACH_RADII` radii of the ball around the mesh do not occlude the sky.
 const REACH_RADII: f64 = 3.0;
 /// The value that replaces [`REACH_RADII`] for a mesh that is open on one side, such as a room without its
 /// front wall.
@@ -32,8 +31,8 @@ const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
 /// ground's middle to the sides of the inner square, and to the outer sides of each ring. The distances are in
 /// radii of the ball around the mesh.
 /// The last distance is so large that a usual view does not reach it. The triangles near the middle are
-/// small, because rounding errors of a ray-triangle test grow with the triangle's size. If the ground had
-/// only large triangles, shadow rays at a low angle would hit the ground from which they start.
+/// small, because rounding errors of a ray-triangle test grow with the triangle's size. If the triangles near the
+/// middle were large, a shadow ray that leaves the ground at a low angle could hit the ground itself.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// Distance of the ground below the mesh, in radii of the ball around the mesh, so that the ground does not
 /// coincide with a mesh's flat bottom.

@@ -4,8 +4,8 @@ use super::mesh::{Mesh, PARALLEL_TRIANGLES};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// A normal counts as a unit vector if its length differs from 1 by at most this. Rounding to single
-/// precision changes the length of a unit vector by less than this.
+/// A normal counts as a unit vector if its length differs from 1 by at most `UNIT_TOLERANCE`. Rounding to single
+/// precision changes the length of a unit vector by less than this tolerance.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 /// A scale along the object's axes, then rotations about x, y and z (in this order), then a translation.
@@ -86,8 +86,7 @@ impl Transform {
     }
 }
 
-/// Returns a normal's length, but exactly 1 if the length differs from 1 only by rounding to single
-/// precision.
+/// Returns a normal's length. If the length differs from 1 only by rounding to single precision, returns exactly 1.
 fn weight(normal: Vec3) -> f64 {
     let length = normal.as_dvec3().length();
     if (length - 1.0).abs() <= UNIT_TOLERANCE { 1.0 } else { length }

@@ -4,12 +4,13 @@
 
 use glam::{DVec2, DVec3};
 
-/// Ear clipping takes quadratic time: up to two seconds for this many corners. A concave face with more corners
-/// is refused, unless only rounding errors make it concave.
+/// The time of ear clipping grows with the square of the number of corners: it is up to two seconds for
+/// `MAX_CONCAVE_CORNERS` corners. A concave face with more corners is refused, unless only rounding errors make it
+/// concave.
 pub(in crate::scene) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
-/// An outline with more corners than this is divided into a fan even if it is concave, provided that only
-/// rounding errors make it concave. A concave outline with at most this many corners is divided by ear clipping,
+/// An outline with more than `MANY_CORNERS` corners is divided into a fan even if it is concave, provided that only
+/// rounding errors make it concave. A concave outline with at most `MANY_CORNERS` corners is divided by ear clipping,
 /// which is then fast and reverses no triangle.
 const MANY_CORNERS: usize = 1_024;
 

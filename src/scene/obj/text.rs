@@ -7,7 +7,7 @@ use memchr::memchr_iter;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// An error quotes a line only if the line has at most this many bytes.
+/// An error quotes only lines of at most `SHOWN_LINE_BYTES` bytes.
 const SHOWN_LINE_BYTES: usize = 400;
 /// Largest size in bytes of a file whose text is copied into an error.
 const SHOWN_FILE_BYTES: usize = 4 << 20;
@@ -71,13 +71,13 @@ impl Seen {
         }
     }
 
-    /// Joins what was seen in all pieces of the file, in their order.
+    /// Joins the counts of all pieces of the file, in the order of the pieces.
     pub fn of_all(pieces: impl Iterator<Item = Self>) -> Self {
         pieces.fold(Self::default(), Self::joined)
     }
 
-    /// Joins what was seen in this piece of the file and in a later piece. Returns the number of irregular
-    /// lines in both pieces together, and the byte offset of the first irregular line.
+    /// Joins the counts of this piece of the file and of a later piece. Returns the number of irregular lines in both
+    /// pieces together, and the byte offset of the first irregular line.
     pub fn joined(self, later: Self) -> Self {
         Self {
             count: self.count + later.count,

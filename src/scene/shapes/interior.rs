@@ -10,8 +10,8 @@ const WIDTH: f64 = 4.0;
 const HEIGHT: f64 = 3.0;
 const LENGTH: f64 = 10.0;
 const MAX_COLUMNS: u32 = 12;
-/// The hall has only so many columns that, on average, at least this number of triangles is available per
-/// column. With fewer triangles, a column would not look round.
+/// The hall has at most so many columns that the mean number of triangles per column is at least
+/// `MIN_COLUMN_TRIANGLES`. With fewer triangles, a column would not look round.
 const MIN_COLUMN_TRIANGLES: f64 = 40.0;
 /// The fraction of the hall's triangles that the columns get. This fraction is large, because only the hall's
 /// columns are round.

@@ -47,8 +47,9 @@ fn has_colours(primitive: &Primitive) -> bool {
     primitive.attributes.contains_key(&Checked::Valid(Semantic::Colors(0)))
 }
 
-/// raycl does not blend a surface with the surfaces behind it. If a material asks for blending, points with at least
-/// this alpha are opaque, and all other points are holes. If all points would be holes, see [`least_alpha`].
+/// raycl does not blend a surface with the surfaces behind it. If a material asks for blending, points with an alpha of
+/// at least `BLENDED` are opaque, and all other points are holes. [`least_alpha`] says what happens if all points would
+/// be holes.
 const BLENDED: f32 = 0.5;
 
 /// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.

@@ -7,7 +7,7 @@ use glam::{DMat4, DQuat};
 use gltf::json::Root;
 use gltf::json::scene::Node;
 
-/// The length of a rotation differs from 1 by at most this if the rotation was rounded to 8 bits.
+/// If a rotation of length 1 is rounded to 8 bits, its length then differs from 1 by at most `ROUNDED`.
 const ROUNDED: f64 = 1e-2;
 
 /// Returns notes on nodes, images and buffer views that contradict themselves or have values that are not valid.

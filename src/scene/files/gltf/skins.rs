@@ -17,7 +17,7 @@ pub(super) struct Skin {
     /// transform and its inverse bind matrix. `None` if the skin's list of these matrices is too short for this joint,
     /// or if the product is not finite. If the skin has no such list, the matrices are the identity.
     joints: Vec<Option<DMat4>>,
-    /// The first of these transforms that is not `None`.
+    /// The first transform in `joints` that is not `None`.
     first: DMat4,
 }
 
@@ -28,7 +28,7 @@ pub(super) struct Influences {
     pub weights: Vec<[f64; 4]>,
 }
 
-/// The sum of a vertex's weights differs from 1 by at most this if the weights were rounded to 8 bits.
+/// If a vertex's weights have the sum 1 and are rounded to 8 bits, their sum then differs from 1 by at most `ROUNDED`.
 const ROUNDED: f64 = 0.02;
 
 /// The numbers of a part's vertices whose joints or weights are not as glTF demands.
@@ -44,7 +44,8 @@ pub(super) struct OddVertices {
 pub(super) struct Skins {
     /// The skins by their indices in the file, without the skins that have no valid joints.
     pub list: HashMap<usize, Skin>,
-    /// The accessors of their lists of inverse bind matrices that store nothing, so that all matrices are zero.
+    /// For those skins whose list of inverse bind matrices stores nothing: the list's accessor. All matrices of such a
+    /// list are zero.
     pub empty: BTreeSet<usize>,
     /// The number of inverse bind matrices whose last row is not 0 0 0 1. Matrices that are not finite, and lists that
     /// store nothing, do not count.
