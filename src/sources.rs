@@ -294,7 +294,7 @@ pub fn does_not_compile(log: &str) -> Error {
     Error::input(format!("a kernel file does not compile: {log}")).with_help(help)
 }
 
-/// raycl includes no further file in a program that is longer than this number of MiB.
+/// raycl includes no further file in a program that is longer than `LONGEST_PROGRAM_MIB` MiB.
 const LONGEST_PROGRAM_MIB: usize = 16;
 
 /// The files that are being joined. Each file in this list, except the first, is included by the file before

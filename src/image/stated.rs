@@ -10,12 +10,12 @@ use std::io::Cursor;
 
 /// The chromaticities (x and y in the CIE 1931 diagram) of sRGB's red, green, blue and white.
 pub(super) const SRGB: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
-/// Chromaticities count as sRGB's if each of the eight numbers differs from sRGB's by at most this value.
-/// With this tolerance, the chromaticities that the program Radiance assumes count as sRGB's.
+/// Chromaticities count as sRGB's if each of the eight numbers differs from sRGB's by at most `CLOSE`. With this
+/// tolerance, the chromaticities that the program Radiance assumes count as sRGB's.
 pub(super) const CLOSE: f32 = 0.03;
-/// sRGB's curve is nearly a power with this exponent.
+/// The exponent of the power that is nearly equal to sRGB's curve.
 const GAMMA: f64 = 2.2;
-/// A gamma counts as sRGB's if it differs from [`GAMMA`] by at most this share.
+/// A gamma counts as sRGB's if it differs from [`GAMMA`] by at most the share `CLOSE_GAMMA`.
 const CLOSE_GAMMA: f64 = 0.05;
 /// The channels of an OpenEXR picture that the decoder reads.
 const READ: [&str; 4] = ["R", "G", "B", "A"];

@@ -13,7 +13,7 @@ const LABEL: &str = "made by raycl, blake3 of the rest: ";
 const KEY_LABEL: &str = "frame of raycl: ";
 /// Number of hexadecimal digits of a hash.
 const DIGITS: usize = 64;
-/// The mark lies within this many bytes from the start of a file.
+/// The mark lies within the first `HEAD_BYTES` bytes of a file.
 const HEAD_BYTES: u64 = 4096;
 /// Offset in bytes of a PNG's second chunk, after the signature and the first chunk (IHDR). raycl's mark is
 /// in the second chunk of the PNG.

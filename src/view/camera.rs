@@ -11,8 +11,8 @@ const POLE: f64 = 0.02;
 /// The least and the greatest distance of the eye from the pivot (the point towards which the eye zooms). The
 /// unit is the distance of the scene's own camera from the pivot.
 const DISTANCES: [f64; 2] = [1e-3, 1e3];
-/// An eye counts as being in the centre of its orbit if its distance from the centre is less than this
-/// fraction of the scene's radius.
+/// An eye counts as being in the centre of its orbit if its distance from the centre is less than the fraction
+/// `CENTRAL` of the scene's radius.
 const CENTRAL: f64 = 1e-3;
 
 /// A position of the eye relative to the scene's own camera.

@@ -22,7 +22,7 @@ const BYTES_OF_TRIANGLE: u64 = 35;
 /// The share of a picture's pixels that a bare mesh usually covers, as `Scene::covered_share` estimates it.
 /// In pictures of 640 x 400 pixels, the Stanford bunny covers a share of 0.38, and the dragon 0.37.
 const USUAL_COVERED_SHARE: f64 = 0.375;
-/// Most bare meshes with fewer triangles than this number are coarse. In the default light, a coarse mesh
+/// Most bare meshes with fewer than `USUAL_FINE_TRIANGLES` triangles are coarse. In the default light, a coarse mesh
 /// gets smooth shadows.
 const USUAL_FINE_TRIANGLES: u64 = 20_000;
 /// The number of stack entries that are enough to traverse most trees, if the traversal's stack is in

@@ -9,8 +9,9 @@ use crate::error::Result;
 use crate::scene::Scene;
 use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 
-/// From this number of triangles on, a CPU casts a single picture by tiles of rays, and reads the normals from the
-/// mesh's own list, unless the user chooses otherwise. (For smaller meshes, raycl may choose tiles, too.)
+/// If a mesh has at least `LARGE_TRIANGLES` triangles, a CPU casts a single picture of it by tiles of rays, and reads
+/// the normals from the mesh's own list, unless the user chooses otherwise. (For smaller meshes, raycl may choose
+/// tiles, too.)
 ///
 /// Strategies that cannot read the mesh's list need a copy of the normals in leaf order, which takes 36 bytes
 /// per triangle. Without this copy of the normals, a frame takes about 5% longer, but raycl starts to cast
@@ -57,9 +58,9 @@ fn casts_one_frame(args: &Args) -> bool {
     args.repeat == 1 && !args.motion.moves()
 }
 
-/// A tree is built for a single frame only if the frame has at most this many rays from the eye per triangle. On 2
-/// cores of an AMD EPYC (docs/log.md, 2026-11-28), building a tree for a single frame takes about 40 ns per triangle
-/// less than building a tree for many frames, but each ray takes about 3 ns longer.
+/// A tree is built for a single frame only if the frame has at most `MOST_RAYS_PER_TRIANGLE` rays from the eye per
+/// triangle. On 2 cores of an AMD EPYC (docs/log.md, 2026-11-28), building a tree for a single frame takes about 40 ns
+/// per triangle less than building a tree for many frames, but each ray takes about 3 ns longer.
 const MOST_RAYS_PER_TRIANGLE: usize = 8;
 
 /// Returns whether the tree of a picture with `samples` samples per pixel is built for a single frame or for
