@@ -135,9 +135,9 @@ pub struct Args {
     /// only with the first folder
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
-    /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the launcher
-    /// (such as Slurm or MPI); with auto/16, only the number of the part comes from the launcher. `raycl merge` merges
-    /// the parts. Needs --out; not with --spread, --dry-run or two folders of --cl-dir
+    /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the program
+    /// that started the processes (such as Slurm or MPI); with auto/16, only the number of the part comes from this
+    /// program. `raycl merge` merges the parts. Needs --out; not with --spread, --dry-run or two folders of --cl-dir
     #[arg(long, value_name = "N/OF", requires = "out", conflicts_with_all = ["spread", "dry_run"])]
     shard: Option<Asked>,
     /// Print a shell script that submits two Slurm jobs: the first job measures the experiment in N shards, 1 to

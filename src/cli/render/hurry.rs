@@ -46,7 +46,7 @@ pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }
 
-/// Returns true if [`may`] returns true for devices that are not CPUs.
+/// Returns what [`may`] returns for a device that is not a CPU.
 pub fn may_on_a_gpu(args: &Args, sampling: Sampling) -> bool {
     let pixels: u64 = args.subject.size().map(u64::from).iter().product();
     args.subject.leaves_strategy_open()

@@ -52,7 +52,8 @@ pub struct Motion {
     #[arg(long, help_heading = HEADING, value_name = "A..B", requires = MOVING, value_parser = frames::parse)]
     frames: Option<Frames>,
     /// With --turntable or --animate: render only one part of the frames: 3/16 is part 3 of 16. With auto, both numbers
-    /// come from the launcher (such as Slurm or MPI); with auto/16, only the number of the part comes from the launcher
+    /// come from the program that started the processes (such as Slurm or MPI); with auto/16, only the number of the
+    /// part comes from this program
     #[arg(long, help_heading = HEADING, value_name = "N/OF", requires = MOVING)]
     shard: Option<Asked>,
     /// With --turntable or --animate: frames per second of an .apng or a y4m stream, a whole number, 1 to 1000

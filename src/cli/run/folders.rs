@@ -11,17 +11,16 @@ use std::path::{Path, PathBuf};
 /// larger number, such as a year or a date (`quick-2026`), the user has probably chosen this name.
 const MAX_NUMBER: u32 = 999;
 
-/// If `resume` is true and there is a folder of results for the config `name`, returns the latest such
-/// folder: the one with the highest number. If `resume` is false, or if no folder has results of the config
-/// `name`, returns the path of a new folder.
+/// If `resume` is true, returns the latest folder of results for the config `name`: the folder with the highest number.
+/// If `resume` is false, or if no folder has results of this config, returns the path of a new folder.
 pub fn default_folder(name: &str, resume: bool) -> PathBuf {
     let latest = if resume { latest_number(name) } else { None };
     latest.map_or_else(|| free_folder(name), |number| numbered_folder(name, number))
 }
 
 /// Returns the highest number in the name of a folder of results for the config `name`; `None` if there is no
-/// such folder. The function looks at all folders, since the user may have deleted folders with lower numbers, and
-/// folders with higher numbers may belong to other configs.
+/// such folder. The function looks at all folders: the user may have deleted folders with lower numbers, and some of
+/// the folders may belong to other configs.
 fn latest_number(name: &str) -> Option<u32> {
     let first = numbered_folder(name, 1);
     let stem = first.file_name()?.to_str()?;

@@ -11,8 +11,8 @@ use std::time::Duration;
 
 /// The exit code of raycl if a second SIGINT (Ctrl-C) or SIGTERM ends it.
 const INTERRUPTED: i32 = 130;
-/// A signal counts as a second one only if it arrives at least this time after the first. The program `timeout` sends
-/// its signal twice within microseconds: to its child process, and to the process group of this child.
+/// A signal counts as a second signal only if it arrives at least the time `APART` after the first signal. The program
+/// `timeout` sends its signal twice within microseconds: to its child process, and to the process group of this child.
 const APART: Duration = Duration::from_millis(300);
 
 /// The flags that signals set, and that all runs of this process share. One `raycl reproduce` consists of several runs.
@@ -59,7 +59,7 @@ fn registered() -> std::io::Result<Flags> {
     let wait = move || {
         for _ in signals.forever() {
             sleep(APART);
-            // If the flag was cleared meanwhile, the next signal is a first one again.
+            // If the flag was cleared meanwhile, the next signal counts as a first signal again.
             next_ends.store(is_set.load(Ordering::Relaxed), Ordering::Relaxed);
         }
     };

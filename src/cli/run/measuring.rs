@@ -62,9 +62,9 @@ fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
 }
 
 /// Returns the number of builders (groups of processes that compile programs before workers need them). There is one
-/// builder per core, but at most `MOST_BUILDERS`, and at most one per `BYTES_PER_BUILDER` of each device's memory,
-/// though always at least one. (This much memory suffices for small scenes; if a scene is large, only some of the
-/// builders hold the scene.)
+/// builder per core, but there are at most `MOST_BUILDERS` builders, and at most one for each `BYTES_PER_BUILDER` bytes
+/// of a device's memory. There is always at least one builder. (For small scenes, `BYTES_PER_BUILDER` bytes suffice for
+/// a builder. If a scene is large, only some of the builders hold the scene.)
 fn builder_count(cores: usize, devices: &[&DeviceInfo]) -> usize {
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
     cores.min(devices.iter().map(room).fold(MOST_BUILDERS, usize::min))

@@ -55,9 +55,10 @@ fn longest(plan: &ShardPlan) -> Duration {
     Duration::try_from_secs_f64(1e-3 * longest_ms).unwrap_or_default()
 }
 
-/// Guesses from the words that select devices ([`patterns`]) whether one of the devices is a GPU, for a machine that
-/// does not have the devices. Returns true if at least one word other than `all` contains none of [`PROCESSORS`]:
-/// such a word counts as the name of a GPU. Returns `None` if there is no word other than `all`.
+/// Guesses whether one of the experiment's devices is a GPU, since this machine may not have the devices. The guess is
+/// made from the words that select devices ([`patterns`]). Returns true if at least one word other than `all` contains
+/// none of [`PROCESSORS`]: such a word counts as the name of a GPU. Returns `None` if there is no word other than
+/// `all`.
 fn by_words(devices: &[String]) -> Option<bool> {
     let is_gpu = |word: &str| !PROCESSORS.iter().any(|processor| word.contains(processor));
     let words = devices.iter().map(|word| word.to_lowercase()).filter(|word| word != "all");

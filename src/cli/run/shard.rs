@@ -64,15 +64,13 @@ pub fn refuse_others(out: &Path, force: bool) -> Result<()> {
             .with_help("choose another folder with --out")),
         false => refuse_other_folders(out, Choice::new(force, "--out DIR"), false),
     };
-    // A folder with a plan of shards is accepted even if the checks above refused it. This function looks for
-    // the plan after the other checks, since the process of another shard may have written the plan while the
-    // checks were made.
+    // A folder with a plan of shards is accepted even if the checks above refused it. This function looks for the plan
+    // after the other checks: the process of another shard may have written the plan during these checks.
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 
-/// Returns the header for the plan of the shards, for the case that this process makes the plan. The
-/// processes of all shards must agree on the header's number of shards, the hash of the config, the scenes
-/// and the kernels.
+/// Returns the header of the shards' plan, in case this process writes the plan. For all shards, the header must have
+/// the same number of shards, hash of the config, scenes and kernels.
 pub fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Header {
     Header {
         shards,
@@ -139,10 +137,11 @@ impl Part<'_> {
         store_end(&attempt, self.watched(&attempt, &about.host, interrupted))
     }
 
-    /// Measures while one thread watches the launcher, and another thread regularly increases a counter in
-    /// the attempt's folder, a sign that the attempt is alive. When this function returns, the counter has
-    /// its last value in the folder. The caller may mark the attempt as ended only after this function has
-    /// returned, since other processes may copy the folder of an attempt that has ended.
+    /// Measures the shard. Meanwhile, one thread watches the launcher (the program that started this process). Another
+    /// thread regularly increases a counter in the attempt's folder, which shows other processes that the attempt is
+    /// alive. When this function returns, the counter has its last value in the folder. The caller may mark the attempt
+    /// as ended only after this function has returned, since other processes may copy the folder of an attempt that has
+    /// ended.
     fn watched(&self, attempt: &Attempt, host: &str, interrupted: &AtomicBool) -> Result<Vec<Record>> {
         watch_launcher(attempt, self.asked)?;
         let pulse = Pulse::start(&attempt.folder)?;
@@ -174,8 +173,8 @@ impl Part<'_> {
 
     /// Writes one file for each kind of device on which this shard measures. The file contains the keys of all points
     /// of the experiment on this kind of device, including points of other shards. Writes nothing if the files of all
-    /// these kinds of devices exist already. `own` contains this shard's points, as indices into the plan. The host
-    /// counts as a kind of device if baselines (ray casters on the host) are among this shard's points.
+    /// these kinds of devices exist already. `own` contains the indices, in the plan, of this shard's points. The host
+    /// counts as a kind of device if baselines (ray casters on the host) are among these points.
     fn write_kinds(&self, own: &[usize]) -> Result<()> {
         let plan = self.run.plan_of_one_device();
         let mut own_points = own.iter().filter_map(|index| plan.points.get(*index));
@@ -255,7 +254,7 @@ fn done(shard: Shard, [new, all]: [usize; 2], out: &str) -> String {
     format!("shard {shard}: {points}. When all shards have ended: raycl merge {out}")
 }
 
-/// Returns the text that identifies a device's kind in the keys of points.
+/// Returns the text by which the keys of points identify a kind of device.
 fn identity(device: &DeviceInfo) -> String {
     format!("{} | {}", device.identity(), device.state())
 }
