@@ -95,8 +95,9 @@ fn split_value<'a>(option: &str, unexpected: &str, words: &'a [OsString]) -> Opt
     })
 }
 
-/// Returns the tip for an option that needs `=` before its value, but has a blank; `None` if the arguments would be
-/// wrong with `=`, too, or if the word `unexpected` is not after such an option.
+/// Returns the tip for an option that needs `=` before its value, but is followed by a blank. Returns `None` in two
+/// cases: the arguments would still be wrong with `=` in place of the blank, or the word `unexpected` does not follow
+/// such an option.
 fn after_blank(unexpected: &str, words: &[OsString]) -> Option<String> {
     let at = words.iter().position(|word| word.to_str() == Some(unexpected))?;
     let (option, value) = (0..at).rev().find_map(|option| {

@@ -9,8 +9,8 @@ use crate::report::{self, Comparison};
 use crate::words::counted;
 use std::path::{Path, PathBuf};
 
-/// By default, a change counts as "same" if its whole 95% interval lies between a speed-up and a slowdown by this
-/// percentage.
+/// The default of `--threshold`: a change counts as "same" if its 95% interval contains neither a speed-up nor a
+/// slowdown of more than this percentage.
 pub(super) const THRESHOLD_PERCENT: f64 = 2.0;
 
 /// Arguments of `raycl compare`.
@@ -24,8 +24,8 @@ pub struct Args {
     before: PathBuf,
     /// The folder whose results are compared with those of BEFORE
     after: PathBuf,
-    /// Report a point as "same" if its two times differ by at most PERCENT, whichever value in the 95% interval of
-    /// their ratio is the true one
+    /// Report a point as "same" if the 95% interval of its change contains neither a speed-up nor a slowdown of more
+    /// than PERCENT
     #[arg(long, value_name = "PERCENT", default_value_t = THRESHOLD_PERCENT, value_parser = percent)]
     threshold: f64,
     /// Compare the measured times themselves, not their ratios to another time. Without this option, raycl

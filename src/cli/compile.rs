@@ -193,9 +193,9 @@ fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
     Ok(out)
 }
 
-/// Turns off the cache of NVIDIA's compiler, unless the user has set the environment variable of this cache. NVIDIA's
-/// compiler prints the number of registers only when it compiles a program, not when it takes the program from its
-/// cache.
+/// Turns off the cache of NVIDIA's compiler, since this compiler prints the number of registers only when it compiles a
+/// program, not when it takes the program from its cache. Leaves the cache unchanged if the user has set the
+/// environment variable that controls it.
 fn disable_caches() {
     if std::env::var_os(CACHE_DISABLE).is_none() {
         // SAFETY: no driver is loaded yet. The only other threads are rayon's, which wait for work and do not read the

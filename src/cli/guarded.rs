@@ -1,6 +1,6 @@
 //! Protects commands from OpenCL drivers that crash, or that hang while they list their devices. A command that starts
-//! drivers does its work in a child process. If a driver seems to have ended the child process, raycl tries the drivers
-//! one by one, and starts the work again without the drivers that fail.
+//! drivers does its work in a child process. If a driver seems to have ended the child process, raycl loads each driver
+//! alone, to find the drivers that fail. raycl then starts the work again without these drivers.
 
 mod allocator;
 mod ending;
@@ -137,9 +137,9 @@ fn allocator(scene: Option<&Path>, has_own: bool, processors: usize) -> Option<S
     Some(allocator_settings(processors, bytes))
 }
 
-/// Tries the drivers one by one. If some drivers fail, runs the command again without these drivers. If no driver
-/// fails, continues with [`with_all_drivers`]. Returns an error if every driver fails, if the command cannot run again,
-/// or if a driver seems to have ended the second attempt too. Otherwise, returns the exit status of the second attempt.
+/// Loads each driver alone. If some drivers fail, runs the command again without these drivers. If no driver fails,
+/// continues with [`with_all_drivers`]. Returns an error if every driver fails, if the command cannot run again, or if
+/// a driver seems to have ended the second attempt too. Otherwise, returns the exit status of the second attempt.
 /// `status` is the exit status of the first attempt.
 fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) -> Result<ExitStatus> {
     let mut good = Vec::new();
@@ -178,10 +178,10 @@ fn without_broken(status: ExitStatus, command: &Guarded<'_>, parent: &Parent) ->
     }
 }
 
-/// Continues after an attempt that an unknown driver seems to have ended: each driver in `drivers` lists its devices
-/// without failing if only this driver is loaded. If the first attempt crashed, this function may run the command a
-/// second time, without the compiled programs in raycl's cache ([`ended_afresh`]). Returns the exit status of the
-/// second attempt. `status` is the exit status of the first attempt.
+/// Continues after an attempt that a driver seems to have ended, if it is unknown which driver failed: each driver in
+/// `drivers` lists its devices without failing if only this driver is loaded. If the first attempt crashed, this
+/// function may run the command a second time, without the compiled programs in raycl's cache ([`ended_afresh`]).
+/// Returns the exit status of the second attempt. `status` is the exit status of the first attempt.
 ///
 /// # Errors
 ///

@@ -1,6 +1,7 @@
-//! Removes guesses of clap (the library that parses the arguments) that do not help: names of hidden commands, and `--`
-//! before a word that is hardly meant as a value. If a file stands in place of a command, the error suggests the
-//! command that reads this file. An unknown option that is named like a key is answered with `--set`.
+//! Removes two kinds of guesses of clap (the library that parses the arguments) that do not help: names of hidden
+//! commands, and the advice to put `--` before an unknown option. If a file stands in place of a command, the error
+//! suggests the command that reads this file. If an unknown option is named like a key of a scene or a config, the
+//! error suggests `--set`.
 
 use super::Cli;
 use super::keys_as_options::suggest_set;

@@ -34,8 +34,8 @@ fn tip(error: &clap::Error, words: &[OsString]) -> Option<String> {
     (!settings.is_empty()).then(|| format!("to change {key} of the {file}, use {}", settings.join(" or ")))
 }
 
-/// Returns the paths of the keys whose name is `name`, or begins with `name` and an underscore. Of such keys, only those
-/// with the shortest paths count, and no tables or lists of tables.
+/// Returns the paths of the keys whose name is `name`, or begins with `name` and an underscore. Leaves out keys of
+/// tables and of lists of tables. Of the other keys, returns only those in the outermost tables that have such a key.
 fn paths(schema: &Value, name: &str) -> Vec<String> {
     let is_named =
         |key: &str| key.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));

@@ -28,9 +28,9 @@ pub struct Args {
     /// tables show it, the platform, the driver and other properties that affect times. If NAME is a number, it matches
     /// only if the description contains this whole number: 1 does not match H100. Results of the baselines (ray casters
     /// on the host) are always merged; with the NAME host, raycl merges only these results. If no NAME is host, and no
-    /// NAME matches a device on which a shard has begun, raycl merges nothing. If only some NAMEs match such a device,
-    /// then for each of the other NAMEs (except host), all points except the baselines count as missing. Not with
-    /// --status [default: all devices on which a shard has begun]
+    /// NAME matches a device on which a shard has begun, raycl merges nothing. If some NAMEs match such a device, and a
+    /// NAME other than host does not, raycl reports all points except the baselines as missing for the NAME that
+    /// matches no device. Not with --status [default: all devices on which a shard has begun]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard. A process in the state

@@ -38,10 +38,10 @@ pub struct Args {
 /// command says what to do. If the folder is that of an experiment in shards, the journals of all attempts
 /// are repaired too, except those of attempts that may be running. A running attempt increases a counter once
 /// per second. If some attempts have not reported their end, the repair reads the counters of all attempts
-/// twice, five seconds apart. If an attempt has a counter that has not increased, and has not reported its end, the
-/// attempt was lost, so its journals are repaired. If a journal cannot be read, no journal in its folder is changed.
-/// If this, a link in the place of a file, or a file that cannot be written prevents a repair, the command repairs what
-/// else it can, and then ends with an error.
+/// twice, five seconds apart. If an attempt has not reported its end, but its counter has not increased, the attempt
+/// was lost, so its journals are repaired. If a journal cannot be read, no journal in its folder is changed. A repair
+/// is impossible if a journal cannot be read, if a link is in the place of a file, or if a file cannot be written. The
+/// command then repairs everything else that it can repair, and ends with an error.
 pub fn run(args: Args) -> Result<()> {
     let findings = Findings::of(&args.folder, BETWEEN)?;
     findings.print(args.json)?;
@@ -64,15 +64,15 @@ const WAIT: &str = "wait until that run ends";
 struct Findings {
     /// The journals that were repaired, each with the path of the copy of its original.
     repaired: Vec<Repaired>,
-    /// The errors about unreadable files other than journals (for example plan.json), and all errors that prevented a
-    /// repair except `failure`.
+    /// The errors about unreadable files other than journals (for example plan.json), and the errors that prevented a
+    /// repair. The error in `failure` is left out.
     unreadable: Vec<Error>,
     /// Number of attempts that could not be repaired because of mistakes of the user.
     refused: usize,
     /// The folders of attempts that may still be running, whose journals were therefore not repaired.
     running: Vec<PathBuf>,
-    /// The first error that is no refusal of an attempt; `None` if there is none. Later errors of this kind are in
-    /// `unreadable`.
+    /// The first error that ends the command; `None` if there is no such error. A mistake of the user that prevents the
+    /// repair of an attempt is not such an error: it is only counted in `refused`. Later errors are in `unreadable`.
     failure: Option<Error>,
 }
 

@@ -13,7 +13,7 @@ use serde::Serialize;
 use std::io::IsTerminal as _;
 use std::time::Duration;
 
-/// The note on a view that neither a key nor a limit can end.
+/// The note for a view that the user cannot end by a key, and that no limit ends.
 const ENDLESS: &str = "note: without a terminal, no keys are read: Ctrl-C ends the view; with --frames or --seconds, \
                        the view ends by itself";
 

@@ -91,7 +91,8 @@ impl Watched {
         };
         let mut watcher = notify::recommended_watcher(tell).map_err(unwatchable)?;
         if let Err(error) = check_thread(&changes) {
-            // A watcher whose thread was refused panics when it is dropped, so this watcher is never dropped.
+            // If the system refused the watcher's thread, dropping the watcher would cause a panic, so the watcher is
+            // never dropped.
             std::mem::forget(watcher);
             return Err(error);
         }
@@ -129,8 +130,8 @@ impl Watched {
                 self.changed_at = Some(Instant::now());
             }
         }
-        // Each new folder is compared only with the given folders: the folders of `inputs` are a set without
-        // duplicates, so a new folder can equal no other watched folder.
+        // Each new folder is compared only with the folders that were given to `new`. The folders of `inputs` contain
+        // no duplicates, so a new folder cannot be equal to one of the other watched folders.
         let of_inputs = self.inputs.folders();
         for path in of_inputs.difference(&self.of_inputs) {
             if !self.folders[..self.given].iter().any(|watched| watched.covers(path)) {

@@ -68,8 +68,8 @@ fn no_axis(part: &str, named: Option<&str>, axes: &[&str]) -> Error {
             "a strategy has only one preset, but '{part}' is a second one: leave out one of the two. Only `raycl compile` takes several strategies, each with an option of its own: --strategy {first} --strategy {part}"
         ),
         (Ok(_), None) => {
-            // Of the other parts, the suggested strategy has only those with `=`, because a part
-            // without `=` is a further preset or a mistake.
+            // Besides `part`, the suggested strategy has only the parts with `=`: a part without `=` is another preset
+            // or a mistake.
             let others: Vec<&str> = axes.iter().copied().filter(|other| other.contains('=')).collect();
             format!("name the preset first: {part},{}", others.join(","))
         }

@@ -24,9 +24,9 @@ const LARGE_BYTES: u64 = 256 << 20;
 /// `trim_threshold`. For most scenes, both values are so large that the heaps keep their memory: memory that raycl used
 /// to read a mesh needs no new page faults when raycl builds the tree. The picture of a mesh of 200,000 triangles then
 /// takes a tenth less time. For scene files of [`LARGE_BYTES`] and more, `mmap_threshold` is small, and
-/// `trim_threshold` is glibc's: the picture of an OBJ of ten million triangles takes 50 to 70 MB less memory, and the
-/// same time. A large mesh takes up to 100 MB more memory if its scene file is small: a TOML that names or describes
-/// the mesh, a compressed mesh, or standard input.
+/// `trim_threshold` keeps the value that glibc chooses. With these values, the picture of an OBJ of ten million
+/// triangles takes 50 to 70 MB less memory, and the same time. A large mesh takes up to 100 MB more memory if its scene
+/// file is small: a TOML that names or describes the mesh, a compressed mesh, or standard input.
 pub fn allocator_settings(processors: usize, bytes: u64) -> String {
     let keeps: &[&str] = if bytes < LARGE_BYTES {
         &["mmap_threshold=33554432", "trim_threshold=33554432"]

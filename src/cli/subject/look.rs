@@ -8,9 +8,9 @@ use toml::Value;
 /// The help lists the options of [`Look`] under this heading. Every option names the heading itself: if the group of
 /// options had the heading, the heading would also apply to the options after the group.
 const HEADING: &str = "View of the scene";
-/// The description of a valid angle, for messages about text that is not one.
+/// The description of a valid angle, for messages about text that is no valid angle.
 const DEGREES: &str = "a number of degrees, such as 30";
-/// The description of a valid factor, for messages about text that is not one.
+/// The description of a valid factor, for messages about text that is no valid factor.
 const FACTOR: &str = "a number, such as 15";
 
 /// Options for the view of a scene: the camera's direction, the background, the brightness, the normals and `--plain`.
