@@ -58,9 +58,9 @@ impl Raycaster {
     /// device (`cpu`, `gpu` or `accelerator`), or the label that `raycl devices` shows for one of several
     /// devices with the same name. The first usable device that matches is used. If `device` is `None`, the
     /// device that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU
-    /// is used if a GPU is usable, else a CPU, else an accelerator. Of several GPUs, those with memory of
-    /// their own are preferred and, among these, those with a vendor's driver. Of devices that are equal in
-    /// kind, memory and driver, the device with the most compute units is used.
+    /// is used if a GPU is usable, else a CPU, else an accelerator. Of several GPUs,
+    /// raycl prefers those with memory of their own. Among these, raycl prefers those with a vendor's driver. Of devices
+    /// that are equal in kind, memory and driver, the device with the most compute units is used.
     ///
     /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). If a program calls
     /// [`serve_if_worker`] before `open`, PoCL starts no more threads than the program may run at the same
@@ -73,11 +73,13 @@ impl Raycaster {
     ///
     /// # Errors
     ///
-    /// Fails if the scene has a mistake, such as no triangle, an index out of bounds, or a number that is not
-    /// finite or not in its range. (Scenes from [`load_scene`](crate::load_scene) have no such mistake unless
-    /// the program changed them.) Also fails if one of raycl's environment variables (such as
-    /// `RAYCL_CACHE_MIB`) has a value that cannot be used, if no device matches, if no device is usable, or
-    /// if the driver fails.
+    /// Fails if
+    ///
+    /// - the scene has a mistake, such as no triangle, an index out of bounds, or a number that is not finite or not in
+    ///   its range (scenes from [`load_scene`](crate::load_scene) have no such mistake unless the program changed them),
+    /// - one of raycl's environment variables, such as `RAYCL_CACHE_MIB`, has a value that cannot be used,
+    /// - no device matches, or no device is usable,
+    /// - the driver fails.
     pub fn open(scene: Scene, device: Option<&str>) -> Result<Self> {
         check_scene(&scene)?;
         check_variables()?;
@@ -103,11 +105,16 @@ impl Raycaster {
     ///
     /// # Errors
     ///
-    /// Fails if the width or the height is not from 1 to 65,536, if the strategy has an unknown name or
-    /// value, if the strategy's values contradict each other, if the strategy does not support the device or
-    /// the scene, if casting needs more memory than the device or the host has, or if the driver fails. After
-    /// a failed launch, the `Raycaster` casts no more pictures: open another `Raycaster`. The scene and the
-    /// device memory of the old one are not freed, since freeing could fail too.
+    /// Fails if
+    ///
+    /// - the width or the height is not from 1 to 65,536,
+    /// - the strategy has an unknown name or value, or its values contradict each other,
+    /// - the strategy does not support the device or the scene,
+    /// - casting needs more memory than the device or the host has,
+    /// - the driver fails.
+    ///
+    /// After a failed launch, the `Raycaster` casts no more pictures: open another `Raycaster`. The scene and the
+    /// device memory of the failed `Raycaster` are not freed, since freeing could fail too.
     ///
     /// One kind of failure still ends the process: if a driver refuses to free several objects, the crate
     /// `ocl` panics while it handles a panic, and Rust aborts the process. After a failed launch, raycl frees
@@ -205,9 +212,9 @@ fn check_scene(scene: &Scene) -> Result<()> {
     scene.sky.iter().filter_map(|sky| sky.picture.as_deref()).try_for_each(check_sky_picture)
 }
 
-/// Refuses a picture of the sky if it has no texels, if the number of texels does not match the picture's size, if a
-/// texel has a number that is not from 0 to [`MAX_POWER`], or if `ahead`, the direction of the picture's middle, is not
-/// a unit vector.
+/// Refuses a picture of the sky in four cases: it has no texels; the number of texels does not match the picture's size;
+/// a texel has a number that is not from 0 to [`MAX_POWER`]; or `ahead`, the direction of the picture's middle, is not a
+/// unit vector.
 fn check_sky_picture(picture: &SkyPicture) -> Result<()> {
     let SkyPicture { size: [across, down], texels, ahead, .. } = picture;
     let count = texels.len() as u64;
@@ -246,11 +253,14 @@ impl Picture {
     ///
     /// # Errors
     ///
-    /// Fails if the extension names no supported format, if the file cannot be written, or if `path` names an
-    /// existing file that must not be replaced. Also fails if the format cannot hold the picture: a JPEG has
-    /// at most 65,535 pixels in each direction, an HDR has only finite numbers and no row of 32,768 pixels, and
-    /// JPEG and HDR have no alpha channel, which a transparent background needs. Also fails if the program has
-    /// changed `radiance` so that its lists do not match its size.
+    /// Fails if
+    ///
+    /// - the extension names no supported format,
+    /// - the file cannot be written, or `path` names an existing file that must not be replaced,
+    /// - the format cannot hold the picture: a JPEG has at most 65,535 pixels in each direction, raycl can write an HDR
+    ///   only with finite numbers and without rows of 32,768 pixels, and JPEG and HDR have no alpha channel, which a
+    ///   transparent background needs,
+    /// - the program has changed `radiance` so that its lists do not match its size.
     pub fn save(&self, path: &Path) -> Result<()> {
         let target = Target::new(path, Choice::without_force("save(OTHER_PATH)"));
         check_target(&target, [self.radiance.width, self.radiance.height])?;
@@ -304,13 +314,17 @@ fn check_room([across, down]: [u32; 2], available: &Available) -> Result<()> {
 ///
 /// # Errors
 ///
-/// Fails if the config has a mistake ([`Error::in_a_line`] returns the message with the file and the line),
-/// if the folder `out` contains files that are not results, if `resume` is false although the folder contains
-/// results, or if one of raycl's environment variables (such as `RAYCL_LOCK_DIR`) has a value that cannot be
-/// used. Also fails if the path `out` is an empty text, if one of the two paths is not UTF-8, if a file
-/// cannot be written, if the run is interrupted, if the calling process is a worker, or if the calling
-/// process has not called `serve_if_worker`. A failure of a single point of the experiment is not an error:
-/// the point's record states the reason.
+/// Fails if
+///
+/// - the config has a mistake ([`Error::in_a_line`] returns the message with the file and the line),
+/// - the folder `out` contains files that are not results, or `resume` is false although the folder contains results,
+/// - one of raycl's environment variables, such as `RAYCL_LOCK_DIR`, has a value that cannot be used,
+/// - the path `out` is an empty text, or one of the two paths is not UTF-8,
+/// - a file cannot be written,
+/// - the run is interrupted,
+/// - the calling process is a worker, or has not called `serve_if_worker`.
+///
+/// A failure of a single point of the experiment is not an error: the point's record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     if is_worker() {
         return Err(Error::input(

@@ -338,8 +338,8 @@ pub struct Timing {
     /// Largest number of samples of a point, divided equally among the launches. A launch whose part is less than five
     /// may take five samples (or `max_samples`, if that is less than five), so a point may get more than `max_samples`.
     pub max_samples: u32,
-    /// Limit, in milliseconds, of the mean time for samples per point: a group of points is not sampled further when its
-    /// total time reaches this limit times its number of points.
+    /// Time limit for samples, in milliseconds per point. A group of N points is not sampled further when its samples
+    /// have taken N times this limit in all.
     pub time_limit_ms: f64,
     /// Seed of two random orders: that of the groups in each launch after the first, and that of the points in a round.
     pub seed: u64,
