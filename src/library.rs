@@ -59,8 +59,8 @@ impl Raycaster {
     /// devices with the same name. The first usable device that matches is used. If `device` is `None`, the
     /// device that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU
     /// is used if a GPU is usable, else a CPU, else an accelerator. Of several GPUs,
-    /// raycl prefers those with memory of their own. Among these, raycl prefers those with a vendor's driver. Of devices
-    /// that are equal in kind, memory and driver, the device with the most compute units is used.
+    /// raycl prefers those with memory of their own. Among these, raycl prefers those with a vendor's driver. Of
+    /// devices that are equal in kind, memory and driver, the device with the most compute units is used.
     ///
     /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). If a program calls
     /// [`serve_if_worker`] before `open`, PoCL starts no more threads than the program may run at the same
@@ -76,7 +76,8 @@ impl Raycaster {
     /// Fails if
     ///
     /// - the scene has a mistake, such as no triangle, an index out of bounds, or a number that is not finite or not in
-    ///   its range (scenes from [`load_scene`](crate::load_scene) have no such mistake unless the program changed them),
+    ///   its range (scenes from [`load_scene`](crate::load_scene) have no such mistake, unless the program changed
+    ///   them),
     /// - one of raycl's environment variables, such as `RAYCL_CACHE_MIB`, has a value that cannot be used,
     /// - no device matches, or no device is usable,
     /// - the driver fails.
@@ -212,9 +213,9 @@ fn check_scene(scene: &Scene) -> Result<()> {
     scene.sky.iter().filter_map(|sky| sky.picture.as_deref()).try_for_each(check_sky_picture)
 }
 
-/// Refuses a picture of the sky in four cases: it has no texels; the number of texels does not match the picture's size;
-/// a texel has a number that is not from 0 to [`MAX_POWER`]; or `ahead`, the direction of the picture's middle, is not a
-/// unit vector.
+/// Refuses a picture of the sky in four cases: it has no texels; the number of texels does not match the picture's
+/// size; a texel has a number that is not from 0 to [`MAX_POWER`]; or `ahead`, the direction of the picture's middle, is
+/// not a unit vector.
 fn check_sky_picture(picture: &SkyPicture) -> Result<()> {
     let SkyPicture { size: [across, down], texels, ahead, .. } = picture;
     let count = texels.len() as u64;

@@ -131,8 +131,8 @@ pub struct Timing {
     /// more than `max_samples`.
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub max_samples: Option<Spanned<i64>>,
-    /// Time limit for samples, in milliseconds per point [default: 5000]. A group of N points is not sampled further when
-    /// its samples have taken N times this limit in all.
+    /// Time limit for samples, in milliseconds per point [default: 5000]. A group of N points is not sampled further
+    /// when its samples have taken N times this limit in all.
     #[schemars(with = "Option<f64>", range(min = 1, max = 1e8))]
     pub time_limit_ms: Option<Spanned<f64>>,
     /// Seed of two random orders: the order of the groups of points in each launch after the first, and the order
