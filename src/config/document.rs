@@ -30,9 +30,9 @@ const LISTS: [(&str, &str); 8] = [
     ("baselines", r#"["serial"]"#),
 ];
 
-/// The text of a config file, and the overrides (`--set` options of the command line). A span is a range of bytes.
-/// A span that begins within the file's length lies in the file's text. The text of each override has a range
-/// of bytes of its own after the end of the file.
+/// The text of a config file, and the overrides (`--set` options of the command line). A span is a range of bytes. If a
+/// span begins before the end of the file's text, it lies in this text; otherwise, it lies in an override. Each
+/// override has a range of bytes of its own, after the end of the file's text.
 pub struct Document {
     name: String,
     text: String,
@@ -177,8 +177,9 @@ impl Document {
     }
 
     /// Returns the remedy for a value of a wrong type at `span`, in two cases. In the first case, the file has `[name]`
-    /// in place of `[[name]]`, or the reverse. In the second case, a list is needed, and the key in front of the value
-    /// is one of [`LISTS`]. Returns `None` in all other cases. `message` is the message about the wrong type.
+    /// in place of `[[name]]`, or `[[name]]` in place of `[name]`. In the second case, a list is needed, and the key in
+    /// front of the value is one of [`LISTS`]. Returns `None` in all other cases. `message` is the message about the
+    /// wrong type.
     fn list_instead(&self, span: &Range<usize>, message: &str) -> Option<String> {
         let (_, text, start) = self.part(span);
         let at = span.start - start;
@@ -360,8 +361,8 @@ fn size_in(value: &str) -> Option<String> {
     Some(format!("[[{}, {}]]", across?, down?))
 }
 
-/// Returns true if `table` is not empty and each of its keys is an index, like the 0 in `strategy.0.width =
-/// 8`.
+/// Returns true if `table` is not empty and each of its keys is an index. For example, in `strategy.0.width = 8`, the
+/// key `0` is an index.
 fn has_indices(table: &DeTable<'_>) -> bool {
     !table.is_empty() && table.keys().all(|key| key.get_ref().parse::<usize>().is_ok())
 }

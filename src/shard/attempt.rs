@@ -30,9 +30,9 @@ pub struct About {
     pub host: String,
     /// The job's number in the scheduler; "0" if no scheduler sets one.
     pub job: String,
-    /// The scheduler's count of starts of the job (Slurm counts from 0, GitHub from 1); 0 if no scheduler
-    /// sets the count. If an attempt of the same shard, machine and job with this count exists, `restart` is
-    /// the next free number.
+    /// The number that the scheduler gives to this start of the job (Slurm counts from 0, GitHub from 1); 0 if no
+    /// scheduler sets the number. If another attempt at the same shard, on the same machine and in the same job, has
+    /// this number already, `restart` is the next free number.
     pub restart: u32,
     /// The ID of the attempt's process on its machine.
     pub process: u32,
@@ -67,8 +67,8 @@ pub enum End {
     Done,
     /// The user, or a signal of the scheduler, ended the attempt.
     Interrupted,
-    /// The attempt's launcher, or a process between the launcher and the attempt, has ended. `LauncherLost`
-    /// contains a text that names the process that has ended.
+    /// The attempt's launcher (the program that started the attempt, such as `mpirun`) has ended, or a process between
+    /// the launcher and the attempt. `LauncherLost` contains a text with the name of the process that has ended.
     LauncherLost(String),
     /// The attempt failed with this error.
     Failed(String),
@@ -107,8 +107,8 @@ impl About {
     fn started_by(self, variable: &dyn Fn(&str) -> Option<String>, machine: Option<String>) -> Self {
         let set = |name: &&str| variable(name).filter(|text| !text.is_empty());
         let first = |names: &[&str]| names.iter().find_map(set);
-        // Slurm's virtual nodes share a machine, so the node's name is used, not the machine's. For
-        // Kubernetes, no variable is read: inside a pod, the machine's name is the pod's name.
+        // Several of Slurm's virtual nodes may run on one machine, so the node's name is used, and not the machine's
+        // name. For Kubernetes, no variable is read: inside a pod, the machine's name is the pod's name.
         let host = first(&["SLURMD_NODENAME"]).or(machine);
         let restart = first(&["SLURM_RESTART_COUNT", "GITHUB_RUN_ATTEMPT"]);
         Self {

@@ -43,8 +43,8 @@ impl fmt::Display for Shard {
 pub enum Asked {
     /// A shard by its number.
     Given(Shard),
-    /// The launcher sets the shard's number. The launcher also sets the number of shards, unless the user gives that
-    /// number.
+    /// The launcher (the program that started this process, such as Slurm or `mpirun`) sets the shard's number. The
+    /// launcher also sets the number of shards, unless the user gives this number.
     Auto(Option<u32>),
 }
 

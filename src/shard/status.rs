@@ -13,9 +13,9 @@ pub enum State {
     /// The attempt (a process that measures a shard) has made its folder, but has not written the counter
     /// that shows that the attempt is alive.
     Begun,
-    /// The attempt's counter (its sign of life) increases, and the attempt is not hung. The attempt's last progress,
-    /// or its last wait for another process (a process that uses the device, or that measures the device's peak rates
-    /// for the attempt), is no longer ago than the time limit of a step.
+    /// The attempt's counter (its sign of life) increases, and the attempt is not hung. Within the time limit of a
+    /// step, the attempt has made progress, or has waited for another process (a process that uses the device, or that
+    /// measures the device's peak rates for the attempt).
     Going,
     /// The attempt's counter increases, but for longer than the time limit of a step, the attempt has neither made
     /// progress nor waited for another process. `Hung` contains the length of this time in seconds.

@@ -1,7 +1,7 @@
-//! Checks whether the launcher of this process is still alive. A scheduler that has lost a job step does not look for
-//! the step's processes again. If processes did not check their launcher, a process of a lost job step would go on
-//! measuring the same points as the process that replaces it. The measurements of one of the two processes would then
-//! be useless, since a merge uses only one record of each point.
+//! Checks whether the launcher of this process (the program that started it, such as `mpirun`) is still alive. A
+//! scheduler that has lost a job step does not look for the step's processes again. If processes did not check their
+//! launcher, a process of a lost job step would go on measuring the same points as the process that replaces it. The
+//! measurements of one of the two processes would then be useless, since a merge uses only one record of each point.
 
 use super::{Asked, Attempt, End};
 use crate::error::{Error, Result};

@@ -9,11 +9,12 @@ use crate::record::journals::{CONTROLS, RECORDS};
 use crate::shard::Attempt;
 use std::collections::{BTreeSet, HashSet};
 
-/// Returns the records of control points that are not among `records` (the merged records), but that were measured in
-/// launches of `records`. Other records of control points are left out, since no merged record uses their launches:
-/// their kind of device is not selected, or the merge uses records of other attempts. If an attempt copied the
-/// launches of a control point from an earlier attempt, the earlier attempt may have a record of the same launches.
-/// Of two records of the same launches, only one is returned, and none if `records` has one.
+/// Returns records of control points that are not among `records` (the merged records). A record of a control point is
+/// returned only if it was measured in a launch that a record in `records` uses. The launches of all other records of
+/// control points are used by no merged record: their kind of device is not selected, or the merge uses records of
+/// other attempts. If an attempt copied the launches of a control point from an earlier attempt, the earlier attempt
+/// may have a record of the same launches. If several records have the same launches, only one of them is returned. If
+/// `records` has a record with these launches, none is returned.
 pub fn controls(attempts: &[Attempt], origins: &Origins, records: &[Measured]) -> Result<Vec<Measured>> {
     let identified = |(index, record): &Measured| (record.key.clone(), origins.of_record(*index, record));
     let mut known: HashSet<(String, BTreeSet<Launch>)> = records.iter().map(identified).collect();

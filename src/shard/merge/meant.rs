@@ -39,8 +39,9 @@ fn device_types(environment: &[u8]) -> Option<Vec<String>> {
 /// no kind. If `meant` has no words, all kinds of device are selected. The kinds of host, on which baselines run, are
 /// always selected. A word is `all`, a type of device (`cpu`, `gpu`, `accelerator`), or a part of a kind's
 /// description. As with `raycl run --device`, a word that consists only of digits matches a whole number in the
-/// description, but not a part of a longer number. A word that matches only the host, for example because the host's
-/// processor has the same vendor as a GPU, counts as a word that matches no kind, unless it is `all` or `host`.
+/// description, but not a part of a longer number. A word may match only the host, for example because the host's
+/// processor has the same vendor as a GPU. Such a word counts as a word that matches no kind, unless it is `all` or
+/// `host`.
 ///
 /// # Errors
 ///

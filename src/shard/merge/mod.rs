@@ -173,8 +173,9 @@ fn notes(plan: &ShardPlan, chosen: &Chosen, attempts: &[Attempt]) -> Result<Vec<
     Ok(notes)
 }
 
-/// Returns a note on the attempts that have not finished; `None` if all attempts have finished. The note has the
-/// number of attempts for each reason: killed or still running, launcher lost, interrupted, error.
+/// Returns a note on the attempts that have not finished; `None` if all attempts have finished. The note has the number
+/// of attempts for each of four reasons: the attempt was killed or is still running; its launcher (the program that
+/// started it) has ended; the user interrupted it; or it ended with an error.
 fn ended_early(ends: &[Option<End>]) -> Option<String> {
     let count = |wanted: &dyn Fn(&Option<End>) -> bool| ends.iter().filter(|end| wanted(end)).count();
     let words = [
