@@ -27,9 +27,8 @@ pub struct Camera {
     /// less than 1 if the pixel's area is divided among several samples.
     pub cone_share: f32,
     /// The size, in pixels, of the image whose aspect ratio determines the field of view; `None` for the
-    /// camera's own image. For a half picture (of half the width and height), `covers` is the size of the
-    /// whole picture, because the aspect ratios of the two pictures differ slightly if a side of the whole
-    /// picture is odd.
+    /// camera's own image. For a half picture (of half the width and height), `covers` is the size of the whole
+    /// picture: if a side of the whole picture is odd, the half picture has a slightly different aspect ratio.
     pub covers: Option<[u32; 2]>,
 }
 
@@ -43,9 +42,9 @@ pub struct PixelFrame {
     /// The direction through the image's top left corner, moved by the offset of the pixels' rays
     /// ([`Camera::shift`]).
     pub corner: DVec3,
-    /// The change of the ray's direction from one pixel to the next pixel on the right.
+    /// The difference between the directions of a pixel's ray and of the ray of the next pixel on the right.
     pub step_x: DVec3,
-    /// The change of the ray's direction from one pixel to the next pixel below.
+    /// The difference between the directions of a pixel's ray and of the ray of the next pixel below.
     pub step_y: DVec3,
     /// Hits are ignored if their depth is at most this distance.
     pub z_near: f64,
@@ -85,8 +84,8 @@ impl Camera {
     }
 
     /// Returns a camera like [`Camera::looking_at`] that looks in the direction `direction`, which may have any length
-    /// above 0. Returns `None` if `direction` or `up` is zero, or if the two vectors are parallel or almost parallel:
-    /// if the sine of the angle between them is below 1e-5.
+    /// above 0. Returns `None` if `direction` or `up` is zero, or if the two vectors are almost parallel (the sine of
+    /// the angle between them is below 1e-5).
     pub(super) fn looking_along(
         position: Vec3,
         direction: DVec3,

@@ -50,9 +50,9 @@ impl Inputs {
         self.held().paths.contains(path)
     }
 
-    /// Returns true if the path of a file leads to another file than before. "Before" means the last call or,
-    /// if the path was added after the last call, the time when the path was added. A path leads to another
-    /// file, for example, after a link in the path (to the file or to a folder) was replaced.
+    /// Returns true if the path of a file now leads to another file than at the last call of this function. A path that
+    /// was added after the last call is compared with the file to which it led when it was added. A path leads to
+    /// another file, for example, after a link in the path (to the file or to a folder) was replaced.
     pub fn lead_elsewhere(&self) -> bool {
         let mut is_any_new = false;
         for (path, target) in &mut self.held().targets {

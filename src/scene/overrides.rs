@@ -21,8 +21,8 @@ const FOV: [&str; 2] = ["fov_x_degrees", "fov_y_degrees"];
 /// the camera's position, direction and field of view from the scene's table. Settings before and after the angle may
 /// set the direction and the field of view again. The animation's tracks of the camera stay in the table, so that the
 /// indices of all tracks, to which paths of settings and messages refer, stay the same; `Animation::of` leaves out the
-/// tracks of the camera. Returns an error if a path cannot be set, if one setting sets an angle and another setting
-/// sets the position, or if a setting replaces the whole camera after an angle was set.
+/// tracks of the camera. Returns an error in three cases: a path cannot be set; one setting sets an angle of the
+/// camera, and another setting sets its position; or a setting replaces the whole camera after an angle was set.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
     refuse_camera_after_angle(settings)?;

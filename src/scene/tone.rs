@@ -51,7 +51,7 @@ impl Tone {
 
     /// Returns the smallest exposed radiance that has the brightness `brightness`, a number from 0 to 1.
     pub fn inverse(self, brightness: f64) -> f64 {
-        // The root of (a - c y) x^2 + (b - d y) x - y = 0 that is not negative, in a form that needs no
+        // The result is the solution x, not negative, of (a - c y) x^2 + (b - d y) x - y = 0. This form needs no
         // division by a - c y.
         let ([a, b, c, d], y) = (self.coefficients(), brightness);
         let (square, linear) = (a - c * y, b - d * y);

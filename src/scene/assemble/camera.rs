@@ -107,8 +107,9 @@ fn base_camera(
     framing::camera(mesh, ball, &view)
 }
 
-/// Returns a note if the bounding box of the mesh is to the left or right of the view of a mesh file's camera, or above or
-/// below it, in pictures of the aspect ratio `aspect`. (Other notes say if a mesh is behind the camera.)
+/// Returns a note if the camera of a mesh file does not see the mesh, because the mesh's bounding box lies to the left
+/// or right of the camera's view, or above or below it. `aspect` is the aspect ratio of the pictures. (Other notes say
+/// if a mesh is behind the camera.)
 fn note_beside(camera: &Camera, mesh: &Mesh, aspect: f64) -> Option<String> {
     let (low, high) = mesh.bounds()?;
     let tan = f64::from(camera.tan_half_fov);

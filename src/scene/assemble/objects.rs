@@ -403,7 +403,8 @@ fn room_for(shape: &Shape) -> Result<()> {
 type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
 
 /// Returns the mesh of an object whose vertices and faces are in the scene file itself. Adds the same notes as for a
-/// mesh file: if normals are zero, if no face uses most vertices, and if no triangle has an area.
+/// mesh file: on normals that are zero, on vertices that no face uses (if these are most vertices), and on a mesh in
+/// which no triangle has an area.
 fn inline(document: &Document, wire: &ObjectWire, vertices: &Spanned<Vec<Position>>) -> Result<MeshFile> {
     let location = document.location_of(&vertices.span());
     let Some(faces) = &wire.faces else {

@@ -249,8 +249,8 @@ pub(super) fn settle_if(
 /// Returns the number of inexact `triangles` if more than a tenth of all are inexact; otherwise `None`. A triangle is
 /// inexact if the rounding of its corners to single precision changes one of its sides by more than the part
 /// [`INEXACT`] of its longest side. `settled` has the positions after they were moved, multiplied by `scale` and
-/// rounded, and `exact` returns the positions in the file; it is called only if a sample of the triangles shows that
-/// many could be inexact.
+/// rounded. `exact` returns the positions in the file, and is called only if a sample of the triangles shows that many
+/// triangles could be inexact.
 pub(in crate::scene) fn inexact<'a>(
     triangles: &[Triangle],
     settled: &[Vec3],
@@ -265,8 +265,8 @@ pub(in crate::scene) fn inexact<'a>(
     count_inexact(triangles, |index| exact[index as usize] * scale, settled)
 }
 
-/// Returns the number of `triangles` that rounding makes inexact, as [`inexact`] does. `exact` returns the position with
-/// an index before it is rounded.
+/// Returns the number of `triangles` that rounding makes inexact, as [`inexact`] does. `exact` returns a position, by
+/// its index, before it is rounded.
 fn inexact_when_rounded(triangles: &[Triangle], exact: impl Fn(u32) -> DVec3) -> Option<usize> {
     let rounded = |index| exact(index).as_vec3();
     if may_be_inexact(triangles, rounded) { count_inexact(triangles, &exact, rounded) } else { None }
@@ -293,7 +293,8 @@ fn count_inexact(
     (10 * count > triangles.len()).then_some(count)
 }
 
-/// Returns true if at least a twentieth of the triangles in a sample are so small that they could be inexact.
+/// Examines a sample of the triangles. Returns true if at least a twentieth of the sample's triangles are so small that
+/// they could be inexact.
 fn may_be_inexact(triangles: &[Triangle], settled: impl Fn(u32) -> Vec3) -> bool {
     let is_small = |triangle: &&Triangle| is_small(triangle.positions.map(&settled), FEW_STEPS);
     20 * sample(triangles).filter(is_small).count() >= sample(triangles).count().max(1)

@@ -286,9 +286,9 @@ impl Reach<'_> {
         self.folder.join(name.replace('\\', "/"))
     }
 
-    /// Returns the part of a note that names a similar file: its name differs from one of `names` only in
-    /// upper and lower case. `names` are the possible names of a file that cannot be used. Returns an empty
-    /// text if there is no similar file, or if a file has exactly one of `names`.
+    /// Returns the part of a note that names a file with a similar name. A name is similar if it differs from one of
+    /// `names`, the possible names of a file that cannot be used, only in upper and lower case. Returns an empty text
+    /// if there is no file with a similar name, or if a file has exactly one of `names`.
     pub(super) fn other_case(&self, names: impl Iterator<Item = impl AsRef<str>>) -> String {
         let names: Vec<_> = names.map(|name| self.path(name.as_ref())).collect();
         if names.iter().any(|name| name.exists()) {

@@ -290,10 +290,9 @@ pub(super) fn note_surplus(chunks: &[PointChunk], source: &Source, notes: &mut V
     notes.extend(source.note_on_lines("line ", surplus, what));
 }
 
-/// Returns the error for a vertex that is not valid. `scaled` is true if the mesh may be scaled. The error then names
-/// the limit [`LARGEST`], with one exception: a vertex that exceeds `MAX_COORDINATE`, but not [`LARGEST`]. Such a
-/// vertex is valid if a face uses it, since raycl then scales the mesh. If no face uses it, the error names
-/// `MAX_COORDINATE`.
+/// Returns the error for a vertex that is not valid. `scaled` is true if the mesh may be scaled. The error then usually
+/// names the limit [`LARGEST`]. The error names `MAX_COORDINATE` if the vertex exceeds only this limit: such a vertex
+/// would be valid if a face used it, since raycl would then scale the mesh.
 pub(super) fn mistake_in_vertex(offset: usize, rest: &[u8], scaled: bool) -> Mistake {
     let reading = if scaled && !is_large(rest) { Reading::LARGE } else { Reading::USUAL };
     let flat = |_| Mistake::new(offset, "a vertex with 2 numbers; expected three: x y z");

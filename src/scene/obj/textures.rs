@@ -118,10 +118,10 @@ impl Maps {
         all.iter().any(Option::is_some).then_some(LoadedMaps { mapping, all, is_whitened })
     }
 
-    /// Returns true, and records that `mask` is not used, if it names the file of `map_Kd`, perhaps by another path,
-    /// and this picture is opaque. A program that names the same picture twice means the picture's alpha, and not that
-    /// dark colours are holes. `colour` is the index of the colour texture in `Pictures::list`; `None` if the texture
-    /// was not read.
+    /// If `mask` names the file of `map_Kd`, perhaps by another path, and this picture is opaque, records that `mask`
+    /// is not used, and returns true. Otherwise, returns false. A program that names the same picture twice means the
+    /// picture's alpha, and does not mean that dark colours are holes. `colour` is the index of the colour texture in
+    /// `Pictures::list`; `None` if the texture was not read.
     fn is_opaque_colour(
         &self,
         mask: &Map,

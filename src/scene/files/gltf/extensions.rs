@@ -66,7 +66,7 @@ pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
 }
 
 /// Returns the name of the extension that decompresses vertices into this buffer; `None` if the buffer has a URI, or
-/// has no such extension. Such a buffer stores nothing itself.
+/// has no such extension. A buffer with such an extension stores nothing itself.
 fn compression_of(buffer: &Buffer) -> Option<&String> {
     let extensions = buffer.extensions.as_ref().filter(|_| buffer.uri.is_none())?;
     extensions.others.keys().find(|name| is_compression(name))
@@ -118,7 +118,8 @@ pub(super) fn notes(
     notes.into_iter().flatten()
 }
 
-/// Returns words, in brackets, on the number of objects that have an extension; an empty text unless there are several.
+/// Returns words, in brackets, on the number of objects that have an extension. Returns an empty text if only one
+/// object has the extension.
 fn times(count: usize) -> String {
     if count > 1 { format!(" ({})", counted(count, "time")) } else { String::new() }
 }

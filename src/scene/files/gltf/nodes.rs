@@ -51,15 +51,16 @@ pub(super) struct Walk<'a> {
     mapped: Vec<Mapped>,
     /// The indices of the triangles that have a texture but no texture coordinates.
     unmapped: Vec<usize>,
-    /// The number of these triangles for each texture that is a mask, by the index of the texture.
+    /// For each texture that is a mask, by the texture's index: the number of triangles that have this texture but no
+    /// texture coordinates.
     unmasked: HashMap<u32, usize>,
     /// The index of the first triangle of each node that has a mesh. If no node has a mesh, the list has the
     /// index of the first triangle of each mesh.
     starts: Vec<u32>,
     cameras: Vec<FileCamera<'a>>,
     lights: Vec<FileLight>,
-    /// The meshes whose parts were counted, and the pairs of a mesh and a skin. Each counts once, even if many nodes
-    /// place it.
+    /// The meshes, and the pairs of a mesh and a skin, whose parts were counted in `left_out`. Each mesh and each pair
+    /// counts once, even if many nodes place it.
     counted: HashSet<(usize, Option<usize>)>,
     left_out: LeftOut,
     limit: Limit,
