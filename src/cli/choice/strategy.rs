@@ -31,8 +31,8 @@ impl TypedValueParser for StrategyText {
 
 /// Parses the text of a strategy: a preset (`naive`), values of axes (`vectors=local`), or both (`deferred,width=4`).
 /// As in the names of records, a `+` may stand for a comma. Without a preset, the values of the axes change the preset
-/// `deferred`. Returns an error if the text names neither a preset nor an axis, if a part after the first has no `=`,
-/// if a preset, an axis or a value is unknown, or if an axis has two values. Does not check whether the values
+/// `deferred`. Returns an error in four cases: the text names neither a preset nor an axis; a part after the first has
+/// no `=`; a preset, an axis or a value is unknown; or an axis has two values. Does not check whether the values
 /// contradict each other.
 pub fn parse_strategy(text: &str) -> Result<Strategy> {
     let parts: Vec<&str> = text.split([',', '+']).map(str::trim).filter(|part| !part.is_empty()).collect();

@@ -80,8 +80,8 @@ impl Cast {
 /// `LONG_FRAME_MS`: the additional time is then a negligible part of this time.
 const LONG_FRAME_MS: f64 = 1000.0;
 
-/// Returns true if the first frame counts as one of the requested frames: if only one frame is requested, or
-/// if the first frame takes longer than `LONG_FRAME_MS`.
+/// Returns true if the first frame counts as one of the requested frames. The first frame counts in two cases: only one
+/// frame is requested, or the first frame takes longer than `LONG_FRAME_MS`.
 fn counts(first: &FrameTimes, repeat: u32) -> bool {
     repeat == 1 || first.frame_ms > LONG_FRAME_MS
 }

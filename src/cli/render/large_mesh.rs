@@ -15,14 +15,14 @@ use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 ///
 /// Strategies that cannot read the mesh's list need a copy of the normals in leaf order, which takes 36 bytes
 /// per triangle. Without this copy of the normals, a frame takes about 5% longer, but raycl starts to cast
-/// earlier. On 2 cores of an Intel Xeon (docs/log.md, 2026-11-27), making the buffers of 4 million triangles
-/// takes 29 ms less without the copy of the normals, and casting the frame takes 5 ms more. With 10 million
-/// triangles, making the buffers takes 0.8 s less, and casting the frame 14 ms more.
+/// earlier. The effect of leaving out the copy was measured on 2 cores of an Intel Xeon (docs/log.md, 2026-11-27). With
+/// 4 million triangles, making the buffers takes 29 ms less, and casting the frame takes 5 ms more. With 10 million
+/// triangles, making the buffers takes 0.8 s less, and casting the frame takes 14 ms more.
 ///
 /// Packets of rays may cast a frame faster than tiles if there are many triangles per pixel. But for 10 million
-/// triangles, a process that casts packets needs 2.3 GB, and a process that casts tiles needs 1.3 GB. On 2 cores of
-/// an AMD EPYC (docs/log.md, 2026-11-28), building the tree and making the buffers takes about 3 s longer for
-/// packets, and casting a frame with packets takes at most 1.3 s less.
+/// triangles, a process that casts packets needs 2.3 GB, and a process that casts tiles needs 1.3 GB. On 2 cores of an
+/// AMD EPYC (docs/log.md, 2026-11-28), packets need about 3 s more than tiles for the tree and the buffers, and at most
+/// 1.3 s less for casting a frame.
 const LARGE_TRIANGLES: usize = 4_000_000;
 
 /// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those that raycl
@@ -59,8 +59,8 @@ fn casts_one_frame(args: &Args) -> bool {
 }
 
 /// A tree is built for a single frame only if the frame has at most `MOST_RAYS_PER_TRIANGLE` rays from the eye per
-/// triangle. On 2 cores of an AMD EPYC (docs/log.md, 2026-11-28), building a tree for a single frame takes about 40 ns
-/// per triangle less than building a tree for many frames, but each ray takes about 3 ns longer.
+/// triangle. On 2 cores of an AMD EPYC (docs/log.md, 2026-11-28), a tree for a single frame is built faster than a tree
+/// for many frames, by about 40 ns per triangle. But in a tree for a single frame, each ray takes about 3 ns longer.
 const MOST_RAYS_PER_TRIANGLE: usize = 8;
 
 /// Returns whether the tree of a picture with `samples` samples per pixel is built for a single frame or for

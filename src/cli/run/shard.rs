@@ -69,8 +69,8 @@ pub fn refuse_others(out: &Path, force: bool) -> Result<()> {
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 
-/// Returns the header of the shards' plan, in case this process writes the plan. For all shards, the header must have
-/// the same number of shards, hash of the config, scenes and kernels.
+/// Returns the header of the shards' plan, in case this process writes the plan. The headers of all shards must agree
+/// in the number of shards, the hash of the config, the scenes and the kernels.
 pub fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Header {
     Header {
         shards,

@@ -50,7 +50,8 @@ impl Spread {
 }
 
 /// Returns the blocks of an earlier session. Returns `None` if the file does not exist, cannot be read, is not an
-/// ordinary file or does not contain blocks as JSON, or if the blocks do not contain each point exactly once.
+/// ordinary file, or does not contain blocks as JSON. Also returns `None` if the blocks do not contain each point
+/// exactly once.
 fn read(path: &Path) -> Option<Spread> {
     ordinary(path).ok()?;
     let spread: Spread = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
