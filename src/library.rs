@@ -213,9 +213,9 @@ fn check_scene(scene: &Scene) -> Result<()> {
     scene.sky.iter().filter_map(|sky| sky.picture.as_deref()).try_for_each(check_sky_picture)
 }
 
-/// Refuses a picture of the sky in four cases: it has no texels; the number of texels does not match the picture's
-/// size; a texel has a number that is not from 0 to [`MAX_POWER`]; or `ahead`, the direction of the picture's middle, is
-/// not a unit vector.
+/// Refuses a picture of the sky in four cases: it has no texels; its number of texels does not match its size; a texel
+/// has a number that is not from 0 to [`MAX_POWER`]; or `ahead`, the direction of the picture's middle, is not a unit
+/// vector.
 fn check_sky_picture(picture: &SkyPicture) -> Result<()> {
     let SkyPicture { size: [across, down], texels, ahead, .. } = picture;
     let count = texels.len() as u64;

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 pub struct Available {
     /// Available bytes; `u64::MAX` if the system does not report available memory.
     pub bytes: u64,
-    /// The path of the file that states `bytes`, or that states a limit on memory from which `bytes` was
-    /// computed; "nothing" if the system does not report available memory.
+    /// The path of the file from which `bytes` comes: the file states `bytes`, or a limit on memory from which `bytes`
+    /// was computed. The text is "nothing" if the system does not report available memory.
     pub source: String,
 }
 

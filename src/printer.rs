@@ -7,9 +7,9 @@ use std::borrow::Cow;
 use std::cell::Cell;
 use std::fmt::Write as _;
 
-/// Returns true if a character could control a terminal or mislead a reader. The characters that control a
-/// terminal or mislead a reader are control characters other than line breaks and tabs, Unicode's separators
-/// of lines and paragraphs, characters that change the direction of text, and invisible characters.
+/// Returns true if a character could control a terminal or mislead a reader. There are four kinds of such characters:
+/// control characters other than line breaks and tabs, Unicode's separators of lines and paragraphs, characters that
+/// change the direction of text, and invisible characters.
 pub fn steers(c: char) -> bool {
     c.is_control() && c != '\n' && c != '\t' || formats(c)
 }

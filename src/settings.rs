@@ -114,8 +114,9 @@ fn read(path: &Path) -> Result<Settings> {
     Ok(settings)
 }
 
-/// Returns the settings of a user without a settings file. Returns an error if there is a settings file, which `error`
-/// prevented from being read, or if the file or one of the two folders above it is a link whose target is missing.
+/// Returns the settings of a user without a settings file. Returns an error in two cases: there is a settings file, but
+/// it could not be read because of `error`; or the file, or one of the two folders above it, is a link whose target is
+/// missing.
 fn without_text(path: &Path, error: &IoError) -> Result<Settings> {
     if let Some((link, why)) = path.ancestors().take(3).find_map(|link| Some((link, broken_link(link)?))) {
         return Err(Error::input(format!("your settings: {} {why}", link.display()))

@@ -55,9 +55,9 @@ impl Mistake {
         self.remedy.as_deref().unwrap_or(otherwise)
     }
 
-    /// Returns the mistake at the byte `at` of `text`, with a better remedy in three cases: an unknown key is a
-    /// key of another table, a list of tables stands in place of a single table, or a single table stands in
-    /// place of a list of tables. `schema` is the JSON schema of the file.
+    /// Returns the mistake at the byte `at` of `text`. The mistake gets a better remedy in three cases: an unknown key
+    /// is a key of another table; a list of tables stands in place of a single table; or a single table stands in place
+    /// of a list of tables. `schema` is the JSON schema of the file.
     pub fn with_table(mut self, schema: &Value, text: &str, at: usize) -> Self {
         if let Some(key) = self.unknown_key.take()
             && let Some(place) = elsewhere(schema, text, at, &key)

@@ -27,11 +27,11 @@ pub fn is_set_by_raycl(name: &str) -> bool {
     sets_threads(name) || name == PINNED
 }
 
-/// Returns the environment variables that raycl must set before a driver is loaded, so that PoCL starts no
-/// more threads than the process may run at the same time, according to its affinity and control groups.
-/// If the user has set only one of the variables in `COUNTS`, the other variable gets the same value: older versions
-/// of PoCL do not read the newer variable, and the keys of points depend on both. Returns no variables if the user has
-/// set both, or `OF_ALL_DRIVERS`.
+/// Returns the environment variables that raycl must set before a driver is loaded, so that PoCL does not start too
+/// many threads. The affinity and the control groups of the process determine how many threads it may run at the same
+/// time. If the user has set only one of the variables in `COUNTS`, the other variable gets the same value: older
+/// versions of PoCL do not read the newer variable, and the keys of points depend on both. Returns no variables if the
+/// user has set both, or `OF_ALL_DRIVERS`.
 pub fn thread_variables() -> Vec<(&'static str, String)> {
     variables(value_of, cores())
 }
@@ -40,11 +40,10 @@ pub fn thread_variables() -> Vec<(&'static str, String)> {
 const PINNED: &str = "POCL_AFFINITY";
 
 /// Returns the environment variables that raycl must set before a driver is loaded, so that PoCL pins its
-/// threads. Returns no variables if the user has set `POCL_AFFINITY`, or has set a number of threads that is
-/// larger than the process may run at the same time. If the user has set the number of threads to a text that
-/// is not a number, this counts as too many threads. Also returns no variables if the processors of the
-/// process are not the first processors of the machine, or if the process may use them only for part of the
-/// time.
+/// threads. Returns no variables if the user has set `POCL_AFFINITY`, or has set more threads than the process may run
+/// at the same time. A text that is not a number counts as too many threads. Also returns no variables if the
+/// processors of the process are not the first processors of the machine, or if the process may use them only for part
+/// of the time.
 pub fn pinning_variables() -> Vec<(&'static str, String)> {
     pinning(value_of, &processors(), cores())
 }

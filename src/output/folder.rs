@@ -196,8 +196,8 @@ fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
 
-/// Returns the hashes and names in a list of files: no entries if the list does not exist, and `None` if the
-/// file at `path` is not a list.
+/// Returns the hashes and names in a list of files. If the list does not exist, the result has no entries. If the file
+/// at `path` is not a list, the result is `None`.
 fn read_list(path: &Path) -> Option<BTreeSet<(String, String)>> {
     if path.symlink_metadata().is_err() {
         return Some(BTreeSet::new());

@@ -33,11 +33,11 @@ impl<T: Copy + PartialEq> Choices<T> {
         (self.taken > 0).then(|| self.taken())
     }
 
-    /// Returns copies of this list, each with another chosen value. In the first copy, the chosen value is
-    /// `steps` places further in the list, or further back if `steps` is negative. The list is a circle: its
-    /// first value follows its last value. In each later copy, the choice moves by one more place in the
-    /// direction of `steps`, but skips this list's chosen value. There is one exception: if the list has
-    /// several values, and moving by `steps` places leads back to this list's chosen value, the first copy
+    /// Returns copies of this list, each with another chosen value, in the order in which `raycl view` tries these
+    /// values. In the first copy, the chosen value is `steps` places further in the list, or further back if `steps` is
+    /// negative. The list is a circle: its first value follows its last value. In each later copy, the chosen value is
+    /// one more place away in the same direction. This list's own chosen value is skipped. There is one exception: if
+    /// the list has several values, and moving by `steps` places leads back to this list's chosen value, the first copy
     /// equals this list.
     pub fn others(&self, steps: isize) -> impl Iterator<Item = Self> + '_ {
         let count = self.all.len() as isize;

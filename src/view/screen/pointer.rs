@@ -1,9 +1,10 @@
-//! Every movement of the pointer with a button down, and every step of the wheel, as events of an X server. minifb, the
-//! library that opens windows, does not report these movements, but only which buttons are down at present, and where
-//! the pointer is. A drag that begins and ends between two frames would therefore be lost.
+//! Reads every movement of the pointer with a button down, and every step of the wheel, from the events of an X server.
+//! minifb, the library that opens windows, does not report these movements: it reports only which buttons are down at
+//! present, and where the pointer is. A drag that begins and ends between two frames would therefore be lost.
 //!
-//! minifb also ignores the events with which an X server says that a part of the window's picture is lost, for
-//! example because another window covered it. Any number of programs may receive these events.
+//! minifb also ignores the events by which an X server says that a part of the window's picture is lost, for example
+//! because another window covered it. raycl receives these events too, since an X server can send them to several
+//! programs.
 //!
 //! On an X server, only one program receives the presses of buttons in a window. Therefore raycl lays an
 //! invisible window of its own over the window that minifb opens; the invisible window receives the events

@@ -124,8 +124,8 @@ impl Memory {
     }
 }
 
-/// Returns true if the event says that the server has copied the picture, `None` if the event says that the server
-/// could not copy the picture, and false if it is any other event.
+/// Returns true if the event says that the server has copied the picture. Returns `None` if the event says that the
+/// server could not copy the picture. For any other event, returns false.
 fn is_copied(event: &Event) -> Option<bool> {
     match event {
         Event::Error(_) => None,
