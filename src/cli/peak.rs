@@ -168,8 +168,8 @@ impl Wanted<'_> {
                 .with_help("`raycl peak --device NAME` measures again, and shows why a device fails")
         };
         let mut command = own_program()?;
-        // The messages of the child process go to the user. They say for which other process the child process waits,
-        // or why the child process failed.
+        // The messages of the child process go to the user. The messages name the other process for which the child
+        // process waits, or say why the child process failed.
         command.args(self.arguments(pattern)).stderr(Stdio::inherit());
         command.stdin(Stdio::null()).stdout(Stdio::piped());
         let ended = command.spawn().and_then(|child| output_unless(child, LOOK_UP, is_over));

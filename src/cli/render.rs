@@ -231,8 +231,8 @@ fn render(args: &Args) -> Result<()> {
 
 /// Tests the device's lane operations, by which work-items exchange values. Does not test them if the module
 /// `hurry` may choose the strategy ([`hurry::may_cast`]). In this case, raycl casts the picture with the
-/// preset [`hurry::QUICK`], which uses no lane operations, or with a stored program. An earlier start of raycl tested
-/// the lane operations before it compiled the stored program.
+/// preset [`hurry::QUICK`], which uses no lane operations, or with a stored program. An earlier command tested the lane
+/// operations before it compiled the stored program.
 fn test_lanes(
     args: &Args,
     device: &mut Device,
@@ -311,7 +311,7 @@ fn last_notes(
 }
 
 /// Returns a note if the picture shows no surface, for example because it shows a sheet edge-on. `hits` is the number
-/// of pixels whose rays hit a surface. There is no note if the picture is wrong (`is_wrong`): the rays may then hit
+/// of pixels whose rays hit a surface. Returns no note if the picture is wrong (`is_wrong`): the rays may then hit
 /// surfaces that the kernels did not find.
 fn empty(scene: &Scene, hits: usize, is_wrong: bool) -> Option<String> {
     let is_empty = hits == 0 && !scene.mesh.triangles.is_empty();
@@ -323,8 +323,9 @@ fn empty(scene: &Scene, hits: usize, is_wrong: bool) -> Option<String> {
 }
 
 /// Returns a note if options for the display change no surface in the picture, since the picture's file contains
-/// radiance. There is no note if sampling is adaptive, since the options then decide which pixels get more samples.
-/// The note speaks of surfaces because the radiance of a background such as `#204060` depends on the options.
+/// radiance. Returns no note if sampling is adaptive, since the options for the display then decide which pixels get
+/// more samples. The note names only the values of surfaces, because the options do change the radiance of a background
+/// such as `#204060`.
 fn undisplayed(args: &Args, sampling: Sampling) -> Option<String> {
     let (options, target) = (args.subject.display_options(), target(args));
     let is_useless = holds_radiance(target.path()) && !sampling.is_adaptive();

@@ -393,11 +393,11 @@ fn keep_peak(
 }
 
 /// Returns a note that names the devices without peak rates in `peaks`. The note also names the file in which
-/// the rates of the named devices are missing. This is the file of `--peak=FILE` or, without this option, the
-/// folder's file of peak rates. Returns `None` if every device has rates, or if `--peak=FILE` is not given
-/// and `left_out` is empty. `left_out` contains outdated rates: rates that were measured on one of `devices`,
-/// but with another driver or in another state. If a device that the note names has outdated rates, the note
-/// states the device's present driver and state.
+/// the rates of the named devices are missing. The named file is that of `--peak=FILE` or, without this option, the
+/// folder's file of peak rates. Returns `None` if every device has rates, or if `--peak=FILE` is not given and
+/// `left_out` is empty. `left_out` contains outdated rates: rates that were measured on one of `devices`, but with
+/// another driver or in another state. If a device that the note names has outdated rates, the note states the device's
+/// present driver and state.
 fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak], left_out: &[Peak]) -> Option<String> {
     let of_folder = || (!left_out.is_empty()).then(|| format!("the folder's {}", peak::FILE));
     let file = peak_file(args).map(|file| file.display().to_string()).or_else(of_folder)?;

@@ -86,9 +86,9 @@ fn window_or(advice: &str) -> String {
 }
 
 /// Returns the advice for the user if each driver in `drivers` lists its devices when it is loaded alone. `full_disk`
-/// is the advice about PoCL's folder for compiled kernels. It is given if the folder's disk is full, or is mounted with
-/// the option noexec, so that no kernel in the folder can run. Only PoCL uses this folder, so the advice is left out if
-/// PoCL is not among the drivers.
+/// is the advice about PoCL's folder for compiled kernels. `full_disk` is given if the folder's disk is full, or if the
+/// disk is mounted with the option noexec (then no kernel in the folder can run). Only PoCL uses this folder, so the
+/// advice is left out if PoCL is not among the drivers.
 fn advice_for(drivers: &[Driver], full_disk: Option<String>) -> String {
     let of_pocl = full_disk.filter(|_| drivers.iter().any(Driver::is_pocl));
     of_pocl.into_iter().chain([otherwise(address_space_limit())]).collect::<Vec<_>>().join("; or ")

@@ -77,10 +77,10 @@ impl Parent {
     }
 }
 
-/// Sets handlers of the signals in [`ENDING`]. The returned flag is true at first. While it is true, each signal in
-/// [`ENDING`] ends this process. The first process of a container then exits with the code 128 plus the signal's
-/// number, since signals cannot end this first process as they end other processes. When the first process exits, the
-/// system ends all other processes of the container.
+/// Sets handlers of the signals in [`ENDING`]. The returned flag is true at first. While the flag is true, each signal
+/// in [`ENDING`] ends this process. If this process is the first process of a container, the signal's handler ends it
+/// with the exit code 128 plus the signal's number, since a signal without a handler cannot end the first process. When
+/// the first process exits, the system ends all other processes of the container.
 fn handled() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(true));
     for signal in ENDING {

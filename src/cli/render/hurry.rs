@@ -1,9 +1,8 @@
 //! Chooses the strategy for a picture on a GPU, if the fastest strategy's program is not compiled yet.
 //!
 //! Compiling the fastest strategy's program takes seconds. The program of the preset [`QUICK`] compiles in a
-//! fraction of this time, and both programs cast a picture in milliseconds. Therefore raycl casts the picture
-//! with [`QUICK`]. Then it starts a background process, which compiles the fastest strategy's program for the next
-//! start of raycl.
+//! fraction of this time, and both programs cast a picture in milliseconds. Therefore raycl casts the picture with
+//! [`QUICK`]. Then raycl starts a background process, which compiles the fastest strategy's program for later commands.
 
 use super::Args;
 use crate::device::DeviceInfo;
@@ -23,8 +22,7 @@ const MOST_RAYS: u64 = 200_000_000;
 /// long to build a tree for [`QUICK`] besides the fastest strategy's tree.
 const MOST_TRIANGLES: usize = 1_000_000;
 
-/// A program that a background process compiles for raycl's next start, with the program's strategy and
-/// workload.
+/// A program that a background process compiles for later commands, with the program's strategy and workload.
 pub struct Later {
     pub strategy: Strategy,
     pub workload: Workload,
@@ -40,8 +38,8 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
 /// Returns true if a picture may be cast with [`QUICK`] instead of the fastest strategy. Three conditions must hold:
 /// the user has chosen no strategy, no axis and no local size; the command casts a single frame once; and the picture
 /// is small enough. Returns false with `--cl-dir` or `--watch`: the user is then probably editing kernels (perhaps
-/// the kernels of the fastest strategy) or the scene. Returns false for a CPU, because the usual strategy on CPUs,
-/// `tile`, compiles in a short time.
+/// the kernels of the fastest strategy) or the scene. Returns false for a CPU, because the program of `tile`, the usual
+/// strategy on CPUs, compiles in a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }

@@ -1,4 +1,4 @@
-//! Prepares the next start of raycl in background processes with low priority. The command that casts the
+//! Starts background processes with low priority, which store data for later commands. The command that casts the
 //! picture does not wait for the background processes. Every background process lists the devices, unless an up-to-date
 //! list is stored. A background process may also store a program: one whose binary the driver takes long to return, or
 //! one that was not compiled in time for this picture.
@@ -62,11 +62,11 @@ struct Source {
     options: String,
 }
 
-/// Prepares the next start of raycl. Background processes may store the program that cast the picture. They may also
-/// compile the fastest strategy's program (`later`) and the program for the display transform (`show_later`). If no
-/// program is stored or compiled, and the device's lane operations are not tested yet, a background process only lists
-/// the devices, which includes this test. Also stores in the cache which program the scene needs. Returns notes for the
-/// user about the background processes.
+/// Starts background processes that store data for later commands. Background processes may store the program that cast
+/// the picture. Background processes may also compile the fastest strategy's program (`later`) and the program for the
+/// display transform (`show_later`). If no program is stored or compiled, and the device's lane operations are not
+/// tested yet, a background process only lists the devices, which includes this test. Also stores in the cache which
+/// program the scene needs. Returns notes for the user about the background processes.
 pub fn for_the_next_start(
     args: &Args,
     device: &Device,
@@ -127,8 +127,8 @@ fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> boo
 
 /// Starts a background process that compiles and stores a program, unless another process is already doing
 /// this work. Returns false if raycl cannot use the cache, and true otherwise, even if the background process
-/// could not start. If the background process could not start, the next start of raycl also finds the program
-/// uncompiled, and casts its picture without this program.
+/// could not start. If the background process could not start, the next command also finds the program uncompiled, and
+/// casts its picture without this program.
 fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     if cache.is_usable() {
         in_background(cache, spec, device);
@@ -136,8 +136,8 @@ fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool
     cache.is_usable()
 }
 
-/// Starts a background process that tests the device's lane operations and stores the list of devices. If the
-/// process cannot start, the next start of raycl lists the devices again.
+/// Starts a background process that tests the device's lane operations and stores the list of devices. If the process
+/// cannot start, the next command lists the devices again.
 fn list_later(device: &DeviceInfo) {
     let cache = Cache::of_user();
     if cache.is_usable() && begin(&cache, &device.identity()) {
@@ -193,8 +193,8 @@ fn background(order: &Order) -> Result<Command> {
 
 /// Separates the background process from this command's caller. A signal for the process group of the command, such
 /// as Ctrl-C, does not reach the background process. The background process also leaves the current folder, so that
-/// it does not keep the folder's disk in use. It stays in the current folder only if an environment variable for
-/// drivers names an existing file or folder relative to the current folder.
+/// it does not keep the folder's disk in use. The background process stays in the current folder only if an environment
+/// variable for drivers names an existing file or folder relative to the current folder.
 #[cfg(unix)]
 fn detach(command: &mut Command) {
     use std::os::unix::process::CommandExt as _;
@@ -231,7 +231,7 @@ pub fn serve() -> Result<()> {
     let cache = Cache::of_user().only_while_it_exists();
     let Some(folder) = cache.folder().filter(|folder| folder.is_dir()) else { return Ok(()) };
     end_without(folder.to_owned())?;
-    // If another process compiles for too long, this process ends; the next start of raycl orders this work again.
+    // If another process compiles for too long, this process ends; the next command orders this work again.
     let Some(_turn) = turn::wait(folder, LONGEST) else { return Ok(()) };
     let choose = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
     let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, choose)?;
@@ -241,8 +241,8 @@ pub fn serve() -> Result<()> {
         Error::run("no driver lists the device of this background process: the device has disappeared, or its driver has changed")
     })?;
     // The test of the device may have found other lane operations (by which work-items exchange values) than
-    // those for which the program was made. In this case, the next start of raycl needs another program, so
-    // this process does not store the program.
+    // those for which the program was made. In this case, the next command needs another program, so this process does
+    // not store the program.
     let Some(Source { source, options }) = program_for(&order, &device.info) else { return Ok(()) };
     let queue = Queue::open(&device)?;
     let spec = ProgramSpec { source, options, files: Vec::new() };

@@ -32,8 +32,8 @@ pub struct Opened {
     pub tree: Option<(Strategy, HostTree)>,
     /// The program for the display transform (from radiance to 8-bit colours), if the device applies this transform.
     pub show: Option<ShowProgram>,
-    /// The program for the display transform, if a background process is to compile this program for raycl's next
-    /// start. `None` if the program is not needed or is compiled already, or if this picture waits until the program is
+    /// The program for the display transform, if a background process is to compile this program for later commands.
+    /// `None` if the program is not needed or is compiled already, or if this picture waits until the program is
     /// compiled.
     pub show_later: Option<ProgramSpec>,
 }
