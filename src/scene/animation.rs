@@ -56,8 +56,8 @@ impl fmt::Debug for Animation {
 
 impl Animation {
     /// Checks the `[animation]` of a scene file, and returns the animation. If a setting sets an angle of the camera,
-    /// the file's tracks that move the camera are left out. They are left out only after all tracks were numbered, so
-    /// that a path such as `animation.track.1` means the same track with and without an angle.
+    /// the file's tracks that move the camera are left out. These tracks are left out only after all tracks were
+    /// numbered. A path such as `animation.track.1` therefore means the same track with and without an angle.
     pub(super) fn of(document: Document, wire: AnimationWire, shot: Shot) -> Result<Self> {
         let AnimationWire { frames: Whole(frames), frames_per_second, track } = wire;
         let (left_out, kept): (Vec<_>, Vec<_>) =

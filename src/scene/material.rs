@@ -13,10 +13,10 @@ pub const PAPER_GLOSSY: f32 = 0.2;
 /// The highlight's exponent s in the paper's figures.
 pub const PAPER_SHININESS: f32 = 100.0;
 
-/// The largest k_L and k_G. Real surfaces have a much lower reflectance. The limit keeps products within
-/// single precision.
+/// The largest k_L and k_G. Real surfaces have a much lower reflectance. Without this limit, products could exceed the
+/// range of single precision.
 pub const MAX_REFLECTANCE: f32 = 1e6;
-/// The largest radiance that a surface emits. The limit keeps sums within single precision.
+/// The largest radiance that a surface emits. Without this limit, sums could exceed the range of single precision.
 pub const MAX_EMITTED: f32 = 1e6;
 /// The largest exponent s of a highlight; a highlight with this exponent is hardly wider than a point.
 pub const MAX_SHININESS: f32 = 1e6;

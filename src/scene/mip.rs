@@ -59,9 +59,9 @@ impl Textures {
     /// Returns one value per texture: true if the means that form its mip levels are weighted by the texels' alpha,
     /// otherwise false. The value is `None` if the texture is used neither as a colour nor as an emission texture. If
     /// some triangles need a texture whose texels are weighted by their alpha, and other triangles need the same
-    /// texture unweighted, the texture is copied. The first triangle with the texture decides whether the original
-    /// texture is weighted. Triangles for which the original texture is wrong get the copy. The texels of emission
-    /// textures are never weighted by their alpha.
+    /// texture unweighted, the texture is copied. The first triangle with the texture decides whether the texels of the
+    /// original texture are weighted. Triangles that need the opposite get the copy. The texels of emission textures
+    /// are never weighted by their alpha.
     fn separate_weights(&mut self, materials: &mut [Material]) -> Vec<Option<bool>> {
         let Self { list, mapped } = self;
         let mut weights = vec![None; list.len()];

@@ -188,7 +188,7 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 /// central sample comes first, since with adaptive sampling a pixel may get only one sample. To bring the
 /// most central sample to the front, each sample's index is combined with the most central sample's index by
 /// exclusive or. The exclusive or keeps together the samples of each aligned block of the sequence (2^k
-/// samples, the first of which has an index divisible by 2^k). These blocks must stay together, because
+/// samples, the first of which has an index divisible by 2^k). The samples of a block must stay together, because
 /// Sobol's sequence distributes the points of a whole block evenly.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {

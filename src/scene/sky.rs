@@ -22,8 +22,8 @@ const MOST_ACROSS: u32 = 1 << 13;
 /// Largest memory for decoding a picture, in bytes: two copies of four floats per texel.
 const DECODING_BYTES: u64 = 32 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// Memory per texel while a picture is read, in bytes. During decoding, up to two copies of four floats (32
-/// bytes) are in memory. After decoding, up to three copies of three floats (36 bytes) are in memory. The
-/// last 4 of the 40 bytes are a reserve.
+/// bytes) are in memory. After decoding, up to three copies of three floats (36 bytes) are in memory. `TEXEL_BYTES` has
+/// 4 bytes more than these 36, as a reserve.
 const TEXEL_BYTES: u64 = 40;
 /// A value below zero is reported in a note if its absolute value exceeds this share of the picture's mean
 /// value. Negative values with a smaller absolute value are common, because filters of other programs produce

@@ -30,9 +30,10 @@ const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
 /// The ground is a square that is surrounded by square rings. The elements are the distances from the
 /// ground's middle to the sides of the inner square, and to the outer sides of each ring. The distances are in
 /// radii of the ball around the mesh.
-/// The last distance is so large that a usual view does not reach it. The triangles near the middle are
-/// small, because rounding errors of a ray-triangle test grow with the triangle's size. If the triangles near the
-/// middle were large, a shadow ray that leaves the ground at a low angle could hit the ground itself.
+/// The largest distance, that of the outermost ring, is so large that the ground's edge is not visible in a usual view.
+/// The triangles near the middle are small, because rounding errors of a ray-triangle test grow with the triangle's
+/// size. If the triangles near the middle were large, a shadow ray that leaves the ground at a low angle could hit the
+/// ground itself.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// Distance of the ground below the mesh, in radii of the ball around the mesh, so that the ground does not
 /// coincide with a mesh's flat bottom.

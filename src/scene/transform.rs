@@ -38,9 +38,9 @@ impl Transform {
         let transform = |p: &mut Vec3| *p = placed(*p).as_vec3();
         mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(transform);
         // Normals are transformed by the inverse transpose of the matrix. The inverse scale is multiplied by
-        // the smallest scale, so that its components are within -1 and 1. The smallest scale, as a factor,
-        // does not change the normalised result. The result gets the length that the normal had before,
-        // because a longer normal has more weight in the interpolation.
+        // the smallest scale, so that its components are within -1 and 1. This factor does not change the direction of
+        // the transformed normal. The transformed normal gets the length that the normal had before, because a longer
+        // normal has more weight in the interpolation.
         let inverse = scale.abs().min_element() / scale;
         let turn = |n: &mut Vec3| {
             let turned: DVec3 = rotation * (n.as_dvec3() * inverse);

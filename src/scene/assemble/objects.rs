@@ -1,5 +1,5 @@
-//! Makes the mesh of one `[[object]]` from a mesh file, a generated shape or inline triangles. Then
-//! transforms the mesh and sets its materials.
+//! Makes the mesh of one `[[object]]` from a mesh file, a generated shape or inline triangles. Also transforms the
+//! mesh, and sets its materials.
 
 use crate::error::{Error, Result, broken_link, nearest_file_among, or_meant};
 use crate::filetype::{MeshFormat, Opened, Wanted};

@@ -33,7 +33,7 @@ struct StridedView<'a> {
 
 impl StridedView<'_> {
     /// Returns the components of the element `number`; `None` if the element ends beyond the end of its
-    /// buffer view (a part of a buffer). The last element need not be followed by padding.
+    /// buffer view (a part of a buffer). Padding after an accessor's last element may be missing.
     fn element<const N: usize>(&self, number: usize) -> Option<[f64; N]> {
         let size = bytes_of(self.component);
         let start = number.checked_mul(self.stride)?;

@@ -35,8 +35,9 @@ impl Kind {
         kind_under(self.extensions, name)
     }
 
-    /// Returns true if an extension belongs to objects of this kind. The answer is only right for extensions that raycl
-    /// reads, for extensions of materials, and for the extensions of nodes that [`node_extensions`] knows.
+    /// Returns true if an extension belongs to objects of this kind. The function knows only extensions that raycl
+    /// reads, extensions of materials, and the extensions of nodes that [`node_extensions`] knows. For other
+    /// extensions, the result may be wrong.
     pub fn takes(&self, extension: &str) -> bool {
         let is_of_material = extension.starts_with("KHR_materials_") && std::ptr::eq(self, &MATERIAL);
         let is_of_node = node_extensions::are_noted(extension) && std::ptr::eq(self, &NODE);

@@ -219,8 +219,8 @@ fn sampler_options(root: &Root, info: Info) -> impl Iterator<Item = &'static str
                     Some("minFilter NEAREST_MIPMAP_NEAREST")
                 }
                 Some(Checked::Invalid) => Some("unknown minFilter"),
-                // The other filters also mix texels or mip levels. They hardly look different from raycl's filter, and
-                // exporters write them unasked.
+                // All other filters mix texels or mip levels, as raycl's filter does, and hardly look different from
+                // it. Exporters write these filters even if nobody asks for them, so a note would be useless.
                 _ => None,
             },
         ];

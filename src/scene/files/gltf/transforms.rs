@@ -54,9 +54,9 @@ pub(super) fn placed(root: &Root, locals: &[Local]) -> Result<Vec<PlacedNode>, F
 }
 
 /// Returns the transform of every node of the file to the coordinates of the scene, by the node's index. `placed` has
-/// the nodes of the shown scene. The transform of any other node is the product of the transforms of its ancestors and
-/// its own. The result is `None` if a node has a parent but no ancestor without a parent, because ancestors of the
-/// node form a cycle.
+/// the nodes of the shown scene. The transform of any other node is the product of its ancestors' transforms and its
+/// own transform. The result is `None` if a node has a parent but no ancestor without a parent, because ancestors of
+/// the node form a cycle.
 pub(super) fn worlds(root: &Root, locals: &[Local], placed: &[PlacedNode]) -> Vec<Option<DMat4>> {
     let mut worlds = vec![None; root.nodes.len()];
     placed.iter().for_each(|(node, transform)| worlds[node.value()] = Some(*transform));

@@ -1,4 +1,5 @@
-//! Reads the cameras and lights of nodes. They are not used if the mesh is an object of a scene file.
+//! Reads the cameras and lights of nodes. If the mesh is an object of a scene file, raycl does not use the mesh's
+//! cameras and lights.
 
 use super::Walk;
 use crate::scene::files::gltf::Parsed;
