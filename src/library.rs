@@ -56,15 +56,16 @@ pub struct Picture {
 impl Raycaster {
     /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, a kind of
     /// device (`cpu`, `gpu` or `accelerator`), or the label that `raycl devices` shows for one of several
-    /// devices with the same name. The first usable device that matches is used. If `device` is `None`, the
-    /// device that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU
-    /// is used if a GPU is usable, else a CPU, else an accelerator. Of several GPUs,
-    /// raycl prefers those with memory of their own. Among these, raycl prefers those with a vendor's driver. Of
-    /// devices that are equal in kind, memory and driver, the device with the most compute units is used.
+    /// devices with the same name. `open` uses the first usable device that matches. If `device` is `None`, the device
+    /// that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU is used if a GPU
+    /// is usable, else a CPU, else an accelerator. Of several GPUs, raycl prefers those with memory of their own. Among
+    /// these, raycl prefers those with a vendor's driver. Of devices that are equal in kind, memory and driver, the
+    /// device with the most compute units is used.
     ///
     /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). If a program calls
     /// [`serve_if_worker`] before `open`, PoCL starts no more threads than the program may run at the same
-    /// time, unless the user's environment variables say otherwise. The same holds for `raycl render`.
+    /// time, unless the user's environment variables say otherwise. `raycl render` limits PoCL's threads in the same
+    /// way.
     ///
     /// The crate `ocl` panics at some failures of a driver. `open` and [`Self::cast`] turn these panics of
     /// `ocl` into errors. To turn panics into errors, the first call of `open` sets a panic hook, which hides

@@ -138,8 +138,8 @@ fn both_names(message: &str) -> Option<Mistake> {
 /// belong to no table (the file's top level), the line is empty.
 type TableInFile<'s> = (String, &'s Map<String, Value>);
 
-/// Returns the remedy for an unknown key at the byte `at` of `text`. There is a remedy only if a table other
-/// than the one that contains the key has a key of this name. `schema` is the JSON schema of the file.
+/// Returns the remedy for an unknown key at the byte `at` of `text`. Returns a remedy only if another table than that
+/// of the unknown key has a key of this name. `schema` is the JSON schema of the file.
 pub fn elsewhere(schema: &Value, text: &str, at: usize, key: &str) -> Option<String> {
     let mut tables = Vec::new();
     add_tables(&mut tables, schema, "", String::new());

@@ -63,7 +63,7 @@ enum Trial {
     Wrong,
     /// The driver refuses the test's kernel, with this message.
     Refused(String),
-    /// The device cannot be used now, for example because its memory is full. It is unknown whether the
+    /// The device cannot be used now, for example because its memory is full, so it is unknown whether the
     /// implementation of lane operations works.
     Unknown,
 }

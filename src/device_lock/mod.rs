@@ -39,8 +39,8 @@ pub struct Held {
 }
 
 /// The largest number of attempts to lock a file. An attempt fails if the file seems to have been removed
-/// meanwhile. On a file system that changes the inode numbers of its files, a file always seems to have been
-/// removed. The last attempt to lock a file therefore does not check whether the file was removed.
+/// meanwhile. On a file system that changes the inode numbers of its files, a file always seems to have been removed.
+/// Therefore, the last of the `LOCK_ATTEMPTS` attempts to lock a file does not check whether the file was removed.
 pub const LOCK_ATTEMPTS: u32 = 10;
 
 /// What a process reports while it waits for a lock. A process that waits for another of its own threads

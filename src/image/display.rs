@@ -141,7 +141,7 @@ impl Thresholds {
     fn value(&self, radiance: f32) -> u8 {
         // A radiance that is NaN or not positive is shown as black.
         let radiance = if radiance > 0.0 { radiance } else { 0.0 };
-        // The mask changes nothing, since the sign is 0. It tells the compiler that the index is small enough.
+        // The mask changes nothing, since the sign is 0, but it tells the compiler that the index is small enough.
         let bound = self.at_least[(radiance.to_bits() >> Shown::INDEX_SHIFT) as usize & (ELEMENTS - 1)];
         // Whether the first step is needed differs from pixel to pixel, so a branch would often be predicted wrongly.
         let mut value = bound + u8::from(self.smallest[usize::from(bound)] <= radiance);

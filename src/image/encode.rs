@@ -95,8 +95,8 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
 /// Rounds a pixel to the nearest values that an HDR file can hold: multiples of a step, with whole factors from
 /// 0 to 255. (The encoder turns negative multiples into 0.) All channels of a pixel share one step, a power of
 /// two that follows from the largest channel. Without this rounding, pictures would become darker, since
-/// the encoder itself rounds down to multiples of the step. A pixel whose channels are all below the smallest
-/// normal f32 becomes black, since this function computes the step from the bits of a normal f32.
+/// the encoder itself rounds down to multiples of the step. If all channels of a pixel are below the smallest normal
+/// f32, the pixel becomes black, since this function computes the step from the bits of a normal f32.
 fn in_steps(pixel: [f32; 3]) -> [f32; 3] {
     let most = pixel.into_iter().fold(0.0, f32::max);
     if most < f32::MIN_POSITIVE {

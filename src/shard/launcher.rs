@@ -93,10 +93,10 @@ const OUTER: [Ranks; 3] = [
 /// launcher decide which shard is returned. The order of precedence is: the innermost launcher that started several
 /// processes, a Slurm array, a launcher in `OUTER`, a launcher that started a single process. The number of shards is
 /// `of` or, if `of` is `None`, the launcher's count. Returns an error if no launcher sets a number, if a variable has
-/// a value that is not allowed, or if the number of shards is unknown. It is an error, too, if the number of shards
+/// a value that is not allowed, or if the number of shards is unknown. Also returns an error if the number of shards
 /// contradicts the launcher's numbers, or if both a Slurm array of several elements and an inner launcher of several
-/// processes set numbers. A batch script of several tasks that starts raycl without `srun` is also an error, unless
-/// an inner launcher started several processes.
+/// processes set numbers. A batch script of several tasks that starts raycl without `srun` is also an error, unless an
+/// inner launcher started several processes.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner = INNER
         .iter()

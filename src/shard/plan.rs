@@ -9,7 +9,8 @@ use crate::record::{cannot_make, ordinary, write_new};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The remedy for a plan that cannot be read. It names no option, since some commands that read plans lack `--out`.
+/// The remedy for a plan that cannot be read. The remedy does not name the option `--out`, which some of the commands
+/// that read plans lack.
 const RESTORE: &str = "restore the file from a copy, or start the shards again in a new folder";
 
 /// The data by which each shard checks that its inputs equal those of the other shards. The number of shards,

@@ -1,5 +1,5 @@
-//! Reports shards that were attempted more than once, for example after a requeue. The first attempt may still have
-//! been running during the second attempt, and may have changed the second attempt's times.
+//! Reports shards that were attempted more than once, for example after a requeue. The first attempt at a shard may
+//! still have been running during the second attempt, and may have slowed it down.
 
 use super::lines;
 use crate::error::Result;

@@ -92,8 +92,8 @@ impl Offered {
 
     /// Returns two numbers for each attempt and each set of points that the attempt measured together. The
     /// first of the two numbers counts those points of the set for which no other attempt has a better record
-    /// (a record with a lower rank). The second of the two numbers is the number of samples in the attempt's
-    /// records of these counted points.
+    /// (a record with a lower rank). The second of the two numbers is the number of samples in the attempt's records of
+    /// the points that the first number counts.
     fn shares(&self) -> HashMap<(usize, Together), (usize, usize)> {
         let mut shares: HashMap<_, (usize, usize)> = HashMap::new();
         for records in self.0.values() {
