@@ -54,8 +54,8 @@ fn paths(schema: &Value, name: &str) -> Vec<String> {
     Vec::new()
 }
 
-/// Returns the keys of a table or, with the index 0, of the elements of a list: their paths, names and schemas. `path` is
-/// the path of the table or list.
+/// Returns the keys of a table or, with the index 0, of the elements of a list: their paths, names and schemas. `path`
+/// is the path of the table or list.
 fn keys<'s>(path: &str, schema: &'s Value) -> Vec<(String, &'s String, &'s Value)> {
     let of_table = schema["properties"].as_object();
     let of_list = schema["items"]["properties"].as_object();

@@ -93,9 +93,9 @@ fn store_rates(all: &[Peak], end: &Result<()>, target: &Target) -> Result<()> {
 }
 
 /// Returns a note for each entry of the file `target` that will be lost. An entry has the peak rates of one device. An
-/// entry is lost if `all`, the file's new entries, contains no entry of the same device with the same driver and in the
-/// same state. (If the entry has no state, the new entry may be in any state.) If the file contains no rates, returns
-/// no notes.
+/// entry is lost if `all` (the file's new entries) contains no entry for the same device with the same driver and in
+/// the same state. (For an entry without a state, a new entry in any state is enough.) If the file contains no rates,
+/// returns no notes.
 fn replaced(all: &[Peak], target: &Target) -> Vec<String> {
     if target.is_standard_output() {
         return Vec::new();

@@ -84,10 +84,11 @@ pub struct Args {
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024. More samples make edges and soft shadows smoother. With most strategies, N samples
-    /// take about N times as long as one. With strategies that cast tiles on a CPU, 16 samples take only 6 to 9 times
-    /// as long, unless the scene has a sky or soft shadows. The samples' positions are distributed like the weights of
-    /// a Blackman-Harris filter that is 1.5 pixels wide [default: 1; with --adaptive, 16. For a bare mesh without
-    /// --adaptive, --plain or --devices: 6 where neighbouring pixels differ, and 1 elsewhere]
+    /// take about N times as long as one. With strategies that cast the rays of a tile of pixels together (traversal =
+    /// tile), 16 samples take only 6 to 9 times as long on a CPU, unless the scene has a sky or soft shadows. The
+    /// samples' positions are distributed like the weights of a Blackman-Harris filter that is 1.5 pixels wide
+    /// [default: 1; with --adaptive, 16. For a bare mesh without --adaptive, --plain or --devices: 6 where neighbouring
+    /// pixels differ, and 1 elsewhere]
     #[arg(long, value_parser = whole::<u32>(1..=1024))]
     samples: Option<u32>,
     /// Cast one sixteenth of the samples (rounded up) for every pixel, and the other samples only where neighbouring

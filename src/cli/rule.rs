@@ -146,10 +146,9 @@ fn is_wanted(case: &Case, kind: &str, word: &str) -> bool {
     case.devices.iter().any(|name| name == kind) && case.name.contains(word)
 }
 
-/// Loads a case's scene. Returns an error if the kinds that the case states differ from the kinds that follow
-/// from the case's scene and image size. Only three kinds are checked: few triangles, an eye inside the
-/// scene, many triangles per pixel. The kind `watertight` is not checked, because it does not follow from the
-/// scene and the image size.
+/// Loads a case's scene. Returns an error if the kinds that the case states are not those that follow from the case's
+/// scene and image size. Only three kinds are checked: few triangles, an eye inside the scene, many triangles per
+/// pixel. The kind `watertight` is not checked, because it does not follow from the scene and the image size.
 fn checked(case: &Case, path: &Path, last: &mut LastScene) -> Result<Arc<Scene>> {
     let scene = last.of(case, path)?;
     let task = case.task(&scene);

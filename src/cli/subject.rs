@@ -69,9 +69,9 @@ impl Subject {
 
     /// Loads the scene. If an azimuth or an elevation is set, raycl places the camera so that the whole scene is
     /// visible. raycl also places the camera of a bare mesh if the mesh's file has no camera, or if `up` is set. If
-    /// `turns` is true, a camera that raycl places is so far away that the whole scene is visible from several angles
-    /// all around (for turntables, and for views whose camera moves). If `dressed` is true, a bare mesh without lights
-    /// gets soft light, a sky and usually a ground. If `--plain` has no effect, a note says so.
+    /// `turns` is true, raycl places the camera so far away that the whole scene is visible from several angles all
+    /// around (for turntables, and for views whose camera moves). If `dressed` is true, a bare mesh without lights gets
+    /// soft light, a sky and usually a ground. If `--plain` has no effect, a note says so.
     ///
     /// # Errors
     ///
@@ -88,8 +88,9 @@ impl Subject {
     }
 
     /// Returns the requested strategy. Without `--strategy`, raycl chooses the strategy later, when it knows
-    /// the device and the scene. In this case, returns `tile` with the requested values of axes as a
-    /// stand-in: like `tile`, the strategies that raycl chooses for scenes with many triangles need a tree.
+    /// the device and the scene. Until then, the preset `tile` with the requested values of axes stands for this
+    /// strategy, and is returned: the strategies that raycl chooses for scenes with many triangles need a tree, as
+    /// `tile` does.
     ///
     /// # Errors
     ///

@@ -96,9 +96,9 @@ fn no_strategy(text: &str) -> Error {
 /// Returns a strategy and its local size. `text` names the strategy, and `set` has the keys and values of the options
 /// `--set`. Without `text`, the function [`fastest`] chooses the strategy for a device with these `limits` and for
 /// `task` (the properties of the scene and the picture that matter for the choice). If `set` requests the watertight
-/// ray-triangle test, the chosen strategy has this test. Finally, each axis that `set` names gets its value in `set`.
-/// If the strategy that [`fastest`] chose does not allow the values in `set`, the error's advice is to name another
-/// strategy or, if no preset allows these values, to change one of the values.
+/// ray-triangle test, the function [`fastest`] chooses a strategy with this test. Finally, each axis that `set` names
+/// gets its value in `set`. If the strategy that [`fastest`] chose does not allow the values in `set`, the error's
+/// advice is to name another strategy or, if no preset allows these values, to change one of the values.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -121,10 +121,9 @@ pub fn chosen_strategy(
 }
 
 /// Returns the advice in the error message if `chosen`, the strategy that raycl chose, does not allow the
-/// values in `set` (the values of `--set`). `chosen` may differ from every preset, for example in its width,
-/// so the advice calls `chosen` by the name of the most similar preset. The advice also names a preset that
-/// allows the values in `set`: `deferred`, if possible. If no preset allows the values in `set`, the advice
-/// is to change these values.
+/// values in `set` (the values of `--set`). `chosen` may differ from every preset, for example in its width, so the
+/// advice names the preset that is most similar to `chosen`. The advice also names a preset that allows the values in
+/// `set`: `deferred`, if possible. If no preset allows the values in `set`, the advice is to change these values.
 fn another_strategy(chosen: &Strategy, set: &[(String, String)]) -> String {
     let own = chosen.axes();
     let differences =

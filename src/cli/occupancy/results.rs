@@ -12,11 +12,11 @@ use serde_json::json;
 use std::path::Path;
 
 /// Prints one row for each point of the run in `path`, with the point's predicted occupancy. With `as_json`,
-/// prints one JSON object for each point. `path` is a folder of results or the records.jsonl in it. Three
-/// kinds of points are left out: points with an unknown number of registers, points with an unknown
-/// occupancy, and points of rasterisers, whose main kernel does not have work-groups of the point's local
-/// size. If `compute_capability` is given, the occupancy is predicted for this capability. If no capability
-/// is given, raycl prints the recorded occupancy, which was predicted for the device's own capability.
+/// prints one JSON object for each point. `path` is a folder of results or the records.jsonl in it. Three kinds of
+/// points are left out: points with an unknown number of registers, points with an unknown occupancy, and points of
+/// rasterisers, because the local size of a rasteriser's main kernel is not the point's local size. If
+/// `compute_capability` is given, the occupancy is predicted for this capability. If no capability is given, raycl
+/// prints the recorded occupancy, which was predicted for the device's own capability.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {
         multiprocessor(name)?;

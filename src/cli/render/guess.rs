@@ -294,7 +294,7 @@ mod tests {
         assert_eq!(["triangles=global", "triangles=local"].map(is_guessed), [true, false]);
     }
 
-    /// If the guess for a new mesh were wrong, the first start of raycl with this mesh would compile two programs.
+    /// If the guess for a new mesh were wrong, the first command with this mesh would compile two programs.
     #[test]
     fn the_guess_for_a_new_mesh_is_the_program_that_its_picture_needs() {
         let folder = tempfile::tempdir().unwrap();

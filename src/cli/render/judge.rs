@@ -66,11 +66,11 @@ pub(super) fn verified(
 }
 
 /// Compares a picture, or only `some` of its pixels, with the reference. If all pixels are compared, the check
-/// includes the number of pixels whose rays hit a triangle. If only rough blocks get all samples (`counts`), the
-/// check also includes which blocks got them. If the picture's soft light was cast in half pictures (of half the
+/// includes the number of pixels whose rays hit a triangle. If only rough blocks get all samples, the check also
+/// includes which blocks got all samples (`counts`). If the picture's soft light was cast in half pictures (of half the
 /// width and height), `parts` contains the pictures from which the filter made the final picture. In this case, the
-/// pictures in `parts`, and the shares of their samples that hit something, are compared with the reference. The
-/// final picture is compared with the picture that the host makes of `parts` by the same filter as the device.
+/// pictures in `parts`, and the shares of their samples that hit something, are compared with the reference. The final
+/// picture is compared with the picture that the host makes of `parts` by the same filter as the device.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),

@@ -9,9 +9,9 @@ use crate::error::Result;
 use crate::scene::Scene;
 use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 
-/// If a mesh has at least `LARGE_TRIANGLES` triangles, a CPU casts a single picture of it by tiles of rays, and reads
-/// the normals from the mesh's own list, unless the user chooses otherwise. (For smaller meshes, raycl may choose
-/// tiles, too.)
+/// If a mesh has at least `LARGE_TRIANGLES` triangles, a CPU casts a single picture of it tile by tile (the rays of a
+/// tile of pixels walk the tree together), and reads the normals from the mesh's own list, unless the user chooses
+/// otherwise. (For smaller meshes, raycl may choose tiles, too.)
 ///
 /// Strategies that cannot read the mesh's list need a copy of the normals in leaf order, which takes 36 bytes
 /// per triangle. Without this copy of the normals, a frame takes about 5% longer, but raycl starts to cast
@@ -19,16 +19,16 @@ use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 /// 4 million triangles, making the buffers takes 29 ms less, and casting the frame takes 5 ms more. With 10 million
 /// triangles, making the buffers takes 0.8 s less, and casting the frame takes 14 ms more.
 ///
-/// Packets of rays may cast a frame faster than tiles if there are many triangles per pixel. But for 10 million
-/// triangles, a process that casts packets needs 2.3 GB, and a process that casts tiles needs 1.3 GB. On 2 cores of an
-/// AMD EPYC (docs/log.md, 2026-11-28), packets need about 3 s more than tiles for the tree and the buffers, and at most
-/// 1.3 s less for casting a frame.
+/// If there are many triangles per pixel, a frame may be faster with packets of rays than with tiles. But for 10
+/// million triangles, a process needs 2.3 GB with packets, and 1.3 GB with tiles. On 2 cores of an AMD EPYC
+/// (docs/log.md, 2026-11-28), packets need about 3 s more than tiles for the tree and the buffers, and at most 1.3 s
+/// less for casting a frame.
 const LARGE_TRIANGLES: usize = 4_000_000;
 
 /// Returns the strategy of a picture, and its local size: the requested ones or, without a request, those that raycl
 /// expects to be fastest on the device. For a single picture of a large mesh on a CPU, raycl chooses tiles if the user
 /// has chosen no strategy, no axis and no local size. For such a picture, raycl also chooses indexed normals if the
-/// strategy casts tiles ([`is_tiled`]) and the user has chosen neither a strategy nor a layout.
+/// strategy casts pictures tile by tile ([`is_tiled`]) and the user has chosen neither a strategy nor a layout.
 pub fn strategy(args: &Args, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
     let in_vectors = Class::of(&device.limits).is_in_vectors();
     if !in_vectors || task.triangles < LARGE_TRIANGLES || !may_be_indexed(args) {
@@ -72,8 +72,8 @@ pub fn tree_use(args: &Args, scene: &Scene, samples: u32) -> TreeUse {
     if casts_one_frame(args) && is_small { TreeUse::OneFrame } else { TreeUse::ManyFrames }
 }
 
-/// Returns true if the strategy casts tiles whose rays are in vectors. Only the kernels that cast tiles with
-/// rays in vectors can read the mesh's own list of normals.
+/// Returns true if the strategy casts pictures tile by tile, with the rays of a tile in vectors. Only the kernels of
+/// such strategies can read the mesh's own list of normals.
 fn is_tiled(strategy: &Strategy) -> bool {
     strategy.traversal.casts_tiles() && !strategy.shares_tiles()
 }

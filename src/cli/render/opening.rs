@@ -51,8 +51,8 @@ impl Opened {
 
 /// Computes the parts of the timeline from three durations: of loading the scene, of starting the driver, and
 /// of building the program after the driver has started. The time of a part counts from the moment
-/// when all parts before it in the list have ended. If the part itself had ended by then, the returned time is negative,
-/// and [`Timeline::ends_with`] counts it as 0.
+/// when all parts before it in the list have ended. If the part itself had ended by then, the returned time is
+/// negative, and [`Timeline::ends_with`] counts it as 0.
 fn parts(load_ms: f64, start_ms: f64, build_ms: f64) -> [(&'static str, f64); 3] {
     let waited_ms = start_ms + build_ms - load_ms.max(start_ms);
     [("load", load_ms), ("discover", start_ms - load_ms), ("build", waited_ms)]

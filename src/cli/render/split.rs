@@ -30,8 +30,8 @@ struct Report {
     image_size: [u32; 2],
     /// Samples per pixel.
     samples: u32,
-    /// The longest device time among the devices. The longest device time is the time of the whole frame,
-    /// since all devices cast their parts of the frame at the same time.
+    /// The longest device time among the devices, which is the time of the whole frame: all devices cast their parts of
+    /// the frame at the same time.
     frame_ms: f64,
     /// The longest upload time among the devices.
     upload_ms: f64,

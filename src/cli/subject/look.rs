@@ -25,8 +25,8 @@ pub struct Look {
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     azimuth: Option<f64>,
     /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh without a
-    /// camera, or if only --azimuth is given: about 21 or, if the mesh is open on one side like a room without its
-    /// front wall, 0]
+    /// camera, or if only --azimuth is given: about 21; 0 if the mesh is open on one side, like a room without its
+    /// front wall]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     elevation: Option<f64>,
     /// The background: a colour as it appears on the screen (such as '#203040', black or white), or

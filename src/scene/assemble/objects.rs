@@ -158,8 +158,8 @@ pub(super) fn origin(document: &Document, objects: &[Spanned<ObjectWire>], files
     movable.map_or(DVec3::ZERO, |(low, high)| Placement::of(low, high).origin)
 }
 
-/// Returns a note if the object's place in the scene, whose origin is at `origin` in the scene file's coordinates, makes
-/// the shapes of many triangles inexact.
+/// Returns a note if the object's place in the scene makes the shapes of many triangles inexact. The scene's origin is
+/// at `origin` in the scene file's coordinates.
 pub(super) fn note_inexact(
     document: &Document,
     wire: &Spanned<ObjectWire>,

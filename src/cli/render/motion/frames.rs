@@ -110,10 +110,10 @@ impl Numbered {
     }
 
     /// Returns the numbers of the frames that are still to be rendered. The function `key` returns the key of a frame,
-    /// a hash that identifies the frame's picture. `key` is called only for frames whose file has a valid key: raycl
-    /// made the file as a frame, and nobody changed it. Without `--force`, a file with another key, or without a valid
-    /// key, is an error; with `--force`, the frame of this file is rendered again. Files that need not be rendered
-    /// again get the current time as their modification time ([`made_now`]).
+    /// a hash that identifies the frame's picture. `key` is called only for a frame whose file has a valid key, that
+    /// is, a file that raycl made as a frame and that nobody has changed. Without `--force`, a file with another key,
+    /// or without a valid key, is an error; with `--force`, the frame of this file is rendered again. Files that need
+    /// not be rendered again get the current time as their modification time ([`made_now`]).
     pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for number in self.wanted.numbers() {

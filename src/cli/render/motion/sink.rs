@@ -149,8 +149,8 @@ fn writers_on(cores: usize, [width, height]: [u32; 2]) -> usize {
 /// pixel takes 3 bytes, or 16 if the background is transparent.
 const MOST_PIXELS: u64 = 1 << 26;
 
-/// A guard that each writing thread owns: if the guard is dropped because its thread panics, the guard tells
-/// the other threads to stop.
+/// A guard that each writing thread owns. If the thread panics, its guard is dropped, and tells the other threads to
+/// stop.
 struct StopsOthers<'a>(&'a AtomicBool);
 
 impl Drop for StopsOthers<'_> {

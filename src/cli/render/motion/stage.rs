@@ -18,10 +18,10 @@ pub struct Stage<'a> {
     pub strategy: Strategy,
     pub local_size: [u32; 2],
     pub sampling: Sampling,
-    /// A built program that `prepare` uses again if the program suits the next scene. Before the first frame, this is
-    /// the program that was built while the scene was loaded; later, it is the program that cast the previous frame.
-    /// `None` while the field `ready` holds the program. Also `None` before the first frame, if no program
-    /// was built early.
+    /// A built program, which `prepare` uses for the next scene if the program suits that scene. Before the first
+    /// frame, this is the program that was built while the scene was loaded; later, it is the program that cast the
+    /// previous frame. `None` while the field `ready` holds the program. Also `None` before the first frame, if no
+    /// program was built early.
     pub program: Option<(ProgramSpec, BuiltProgram)>,
     /// The tree that was built while the device was opened, with its mesh and strategy. `None` if no tree was built
     /// early, or after the first frame.
