@@ -56,9 +56,9 @@ pub fn common_names<'a>(names: impl Iterator<Item = &'a str>) -> HashMap<&'a str
     all
 }
 
-/// Returns the processor's model. In `rest`, LLVM's name of the processor's type precedes the model, as in
-/// `skylake-avx512-Intel(R) Xeon(R) Processor`. LLVM's names of processor types have neither capital letters
-/// nor blanks. If `rest` contains only LLVM's name of the processor's type, returns LLVM's name.
+/// Returns the processor's model. `rest` consists of LLVM's name of the processor's type, a hyphen and the model, as in
+/// `skylake-avx512-Intel(R) Xeon(R) Processor`. LLVM's names of processor types have neither capital letters nor
+/// blanks. If `rest` contains only LLVM's name of the processor's type, returns LLVM's name.
 fn model(rest: &str) -> String {
     let parts: Vec<&str> = rest.split('-').collect();
     let is_model = |part: &&str| part.contains(|c: char| c.is_uppercase() || c == ' ');

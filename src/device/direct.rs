@@ -1,5 +1,5 @@
 //! Calls functions of OpenCL directly instead of through the wrappers of the crate `ocl`. These wrappers panic at a
-//! status that they do not know, take a failed build without messages for a success, and lose messages that are not
+//! status that they do not know, report success if a build fails without messages, and lose messages that are not
 //! UTF-8.
 
 use super::errors::{CallError, compiler_log};

@@ -95,9 +95,8 @@ pub fn no_device_advice(empty_platforms: &[String]) -> Option<String> {
 const EVERY_CPU: &str = "pthread";
 
 /// Returns advice if the environment variable `POCL_DEVICES` has a value, even an empty one: PoCL then lists
-/// only the devices that the variable names. Returns `None` if the value is already [`EVERY_CPU`], the value
-/// that the advice recommends. If PoCL lists no device with the value [`EVERY_CPU`], the variable is not the
-/// cause.
+/// only the devices that the variable names. Returns `None` if the value is already [`EVERY_CPU`], the value that the
+/// advice recommends: the variable is then not the reason why PoCL lists no device.
 fn chosen_advice(value: Option<&OsStr>) -> Option<String> {
     let value = value.filter(|value| *value != EVERY_CPU)?.display();
     Some(format!(

@@ -107,8 +107,8 @@ fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> R
 
 /// Stores a list of devices; `hardware` has the names of the accelerators that the system shows. Does not
 /// store a list with untested lane operations, since later processes would treat the assumed operations as
-/// tested. If the list may soon change, stores the current time too, because the key of the stored list may
-/// stay the same after the change.
+/// tested. If the list may soon change, stores the current time too, since the key of the stored list may not show the
+/// change.
 fn store(cache: &Cache, key: &str, survey: &Survey, hardware: &[String]) {
     let Survey { devices, empty_platforms, failed_platforms } = survey;
     if !devices.iter().all(|device| device.lanes_are_tested) {
@@ -140,9 +140,9 @@ fn now() -> u64 {
 }
 
 /// Returns true if a list of devices probably stays the same until the system starts again. A device that may
-/// be usable soon may change the list before the system's next start. A driver may change the list, too, if it lists no
-/// device although the system shows accelerators of the driver's vendor. A driver may list no device, for example,
-/// while a GPU is being reset, or while the driver's kernel module is being loaded again.
+/// be usable soon may change the list before the system's next start. The list may change, too, if a driver lists no
+/// device although the system shows accelerators of the driver's vendor: the driver may list these later. For example,
+/// a driver lists no device while a GPU is being reset, or while the driver's kernel module is being loaded again.
 fn is_lasting(infos: &[DeviceInfo], empty_platforms: &[String], hardware: &[String]) -> bool {
     let recovers = infos.iter().filter_map(|info| info.unusable.as_deref()).any(may_be_usable_soon);
     let shows =

@@ -61,9 +61,9 @@ impl DeviceLimits {
         power_of_two(most.min(self.work_group_size).min(self.work_item_sizes[0]))
     }
 
-    /// Returns the given local size if the device allows this size, else a smaller local size. First, each
-    /// side is reduced to the device's limit for this side. After that, the longer side of the local size is
-    /// halved while the local size has too many work-items for the device.
+    /// Returns the given local size if the device allows this size, else a smaller local size. First, each side is
+    /// reduced to the device's limit for this side. Then the longer side is halved, again and again, until the device
+    /// allows the number of work-items.
     pub fn fitting(&self, [across, down]: [u32; 2]) -> [u32; 2] {
         let within = |side: u32, axis: usize| {
             u32::try_from(self.work_item_sizes[axis]).map_or(side, |most| side.min(most)).max(1)

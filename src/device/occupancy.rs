@@ -1,6 +1,6 @@
-//! Computes how many work-groups a multiprocessor of an NVIDIA GPU holds at the same time. For one GPU, Figure 5 of the
-//! student paper that raycl reproduces predicts how many threads a multiprocessor holds. Supports the compute
-//! capabilities in `table.rs`.
+//! Computes how many work-groups a multiprocessor of an NVIDIA GPU holds at the same time. Figure 5 of the student
+//! paper that raycl reproduces makes a similar prediction for one GPU: how many threads a multiprocessor holds.
+//! Supports the compute capabilities in `table.rs`.
 
 mod table;
 

@@ -17,7 +17,7 @@ const BROKEN_IN_LIBRARY: &str = "the driver, or its device, may be broken: try a
 /// The advice to a user if a driver breaks down in a command of raycl.
 const BROKEN: &str = "the driver, or its device, may be broken: run the command again; `raycl devices` lists all devices, and --device chooses one";
 
-/// What this process knows about its OpenCL driver, for the error message if the driver breaks down.
+/// The data that this process keeps for the error message in case its OpenCL driver breaks down.
 struct Known {
     /// The devices that this process has opened.
     devices: Vec<String>,

@@ -29,11 +29,11 @@ pub fn select(devices: &[Device], patterns: &[String], sources: &Sources) -> Res
 
 /// Returns the index of the usable device on which raycl casts if the user names no device. GPUs come before CPUs,
 /// CPUs before accelerators (some of which a driver only emulates on a CPU), and accelerators before devices of other
-/// kinds. GPUs with memory of their own come before GPUs that share the host's memory, even if the latter have more
-/// compute units: vendors count different things as compute units. Among GPUs of the same kind of memory, GPUs with a
-/// vendor's driver come before GPUs with PoCL's or Mesa's driver. Among devices that are still equal, the device with
-/// the most compute units comes first. Of devices with equally many compute units, the first in `infos` is chosen.
-/// Returns `None` if no device is usable.
+/// kinds. GPUs with memory of their own come before GPUs that share the host's memory. The numbers of compute units do
+/// not matter for this order, since vendors count different things as compute units. Among GPUs of the same kind of
+/// memory, GPUs with a vendor's driver come before GPUs with PoCL's or Mesa's driver. Among devices that are still
+/// equal, the device with the most compute units comes first. Of devices with equally many compute units, the first in
+/// `infos` is chosen. Returns `None` if no device is usable.
 pub fn default_index(infos: &[DeviceInfo]) -> Option<usize> {
     preferred(&infos.iter().collect::<Vec<_>>())
 }
@@ -90,8 +90,9 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
         "" => false,
         "all" => true,
         kind if KINDS.contains(&kind) => info.kind.name() == kind,
-        // If several devices of a platform have the same name, the labels of the later devices begin with the label of
-        // the first device. A part of a label could thus mean several devices, so only a whole label selects a device.
+        // If several devices of a platform have the same name, the label of the first device is also the beginning of
+        // the others' labels. A part of a label could thus mean several devices, so only a whole label selects a
+        // device.
         _ => {
             names(info).iter().any(|name| has_part(name, &pattern))
                 || is_of_version(&info.platform_version, &pattern)
@@ -139,10 +140,10 @@ fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
     Error::input(format!("no device matches '{pattern}'")).with_help(format!("{question}{}", listing(infos)))
 }
 
-/// For a pattern that matches no device, returns the most similar word that would match a device; `None` if
-/// no word is similar. Also returns `None` if the pattern is a kind of device, since a kind is not misspelt. Also
-/// returns `None` if the most similar word is a kind that no device has: the user means this kind, so a word that
-/// matches a device would be a wrong suggestion.
+/// For a pattern that matches no device, returns the most similar word that would match a device; `None` if no word is
+/// similar. Also returns `None` if the pattern is itself a kind of device, and thus not misspelt. Also returns `None`
+/// if the pattern is most similar to a kind that no device has: the user means this kind, so any other suggestion would
+/// be wrong.
 fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let pattern = pattern.trim().to_lowercase();
     if KINDS.contains(&pattern.as_str()) {

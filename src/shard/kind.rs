@@ -102,9 +102,9 @@ impl Kind {
         (!differences.is_empty()).then(|| differences.join(", "))
     }
 
-    /// Returns those parts of this kind's `identity` that not all namesakes (kinds of the same name) have. If all
-    /// namesakes have all parts of this kind, returns the parts that this kind lacks, such as
-    /// "without POCL_WORK_GROUP_METHOD=cbs". `namesakes` contains this kind, too.
+    /// Returns those parts of this kind's `identity` that at least one of the namesakes (kinds of the same name) lacks.
+    /// If no namesake lacks a part of this kind's `identity`, returns the parts that this kind lacks, such as "without
+    /// POCL_WORK_GROUP_METHOD=cbs". `namesakes` contains this kind, too.
     fn differences(&self, namesakes: &[&Self]) -> Vec<String> {
         let is_own = |part: &&str| !namesakes.iter().all(|other| other.has(part));
         let own: Vec<String> = self.parts().filter(is_own).map(in_singular).collect();

@@ -17,9 +17,9 @@ struct Assignment {
     rank: u32,
     /// The number of processes that the launcher started; `None` if the launcher does not set this number.
     count: Option<u32>,
-    /// The number of the Slurm array's element to which the process belongs, if the user gives the number of
-    /// shards. In this case, the element's number is the shard's number. `None` if the process belongs to no
-    /// Slurm array, or if the user does not give the number of shards.
+    /// The number of the shard, if the process belongs to a Slurm array and the user gives the number of shards: the
+    /// number of the array's element is then the number of the shard. `None` if the process belongs to no Slurm array,
+    /// or if the user does not give the number of shards.
     number: Option<u32>,
 }
 
@@ -34,10 +34,11 @@ struct Ranks {
     only_with: Option<&'static str>,
 }
 
-/// Launchers that number the processes of one job, the innermost first: each launcher comes before the launchers that
-/// may have started it. MPI, for example, may run in a step of Slurm. Slurm sets `SLURM_PROCID` in the tasks of a
-/// step, and also in a batch script. In a batch script, the value of `SLURM_PROCID` is not the number of a task.
-/// raycl therefore reads `SLURM_PROCID` only if `SLURM_STEP_ID` is set, which Slurm sets only in steps.
+/// Launchers that number the processes of one job. Each launcher in this list comes before the launchers that may have
+/// started it, so the innermost launcher is found first. MPI, for example, may run in a step of Slurm. Slurm sets
+/// `SLURM_PROCID` in the tasks of a step, and also in a batch script. In a batch script, the value of `SLURM_PROCID` is
+/// not the number of a task. raycl therefore reads `SLURM_PROCID` only if `SLURM_STEP_ID` is set, which Slurm sets only
+/// in steps.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",

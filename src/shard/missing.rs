@@ -153,8 +153,8 @@ fn named(kind: &Kind, distinction: Option<String>) -> String {
 }
 
 /// Returns the indices of those points of the plan that are casters on the host, and the indices of all other points.
-/// If `all` has a kind of device that is no host, the casters on the host are the points that the first such kind
-/// does not measure. If all kinds of device in `all` are hosts, the casters on the host are the points that these
+/// If `all` has a kind of device that is no host, the casters on the host are those points that the first of these
+/// kinds does not measure. If all kinds of device in `all` are hosts, the casters on the host are the points that these
 /// hosts measure.
 fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     let device = all.iter().find(|kind| kind.device != HOST);

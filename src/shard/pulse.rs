@@ -123,8 +123,8 @@ fn sleeps_through_beat(ended: &AtomicBool) -> bool {
         std::thread::sleep(nap);
         left -= nap;
     }
-    // `Acquire`, with `Release` in `drop`, ensures that the thread sees all steps that were counted before the attempt
-    // ended.
+    // Together with `Release` in `drop`, `Acquire` ensures that this thread sees all steps that were counted before the
+    // attempt ended.
     ended.load(Ordering::Acquire)
 }
 
