@@ -123,7 +123,7 @@ fn processors() -> Option<usize> {
     Some(stat.lines().filter(is_one).count()).filter(|count| *count > 0)
 }
 
-/// Returns the processor times in the first line of `stat`, the text of `/proc/stat`; `own` stays 0. The
+/// Returns the processor times in the first line of `stat`, the text of `/proc/stat`. In the result, `own` is 0. The
 /// line's numbers are user, nice, system, idle, iowait, irq, softirq, steal.
 fn machine_ticks(stat: &str) -> Option<Ticks> {
     let numbers: Vec<f64> = stat

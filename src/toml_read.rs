@@ -120,7 +120,7 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for StrictVisitor<V> {
         self.visitor.visit_map(Strict(table))
     }
 
-    // Of the enums in raycl's files, serde reads only words without inner values by this method, so the method
+    // In raycl's files, all values that serde reads by this method are words without inner values. The method therefore
     // has nothing to wrap in `Strict`.
     fn visit_enum<A: EnumAccess<'de>>(self, value: A) -> Result<V::Value, A::Error> {
         self.visitor.visit_enum(value)

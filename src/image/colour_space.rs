@@ -56,7 +56,7 @@ fn other_gamma(data: &[u8]) -> Option<String> {
     (!is_srgb_gamma(gamma)).then(|| format!("gAMA {gamma}"))
 }
 
-/// White comes first in a PNG's chunk cHRM, and last in [`SRGB`].
+/// In a PNG's chunk cHRM, the numbers of white come first; in [`SRGB`], they come last.
 fn other_primaries(data: &[u8]) -> Option<String> {
     let usual = SRGB[6..].iter().chain(&SRGB[..6]);
     let stated = data.chunks_exact(4).filter_map(|bytes| bytes.first_chunk());

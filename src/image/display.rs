@@ -132,7 +132,8 @@ impl Thresholds {
             at_least[first..end].fill(value);
             end = first;
         }
-        // One step is enough if no two thresholds belong to the same element of `at_least`.
+        // One step of the search for a radiance's value is enough if no two thresholds belong to the same element of
+        // `at_least`.
         let elements: [u32; 255] =
             std::array::from_fn(|value| thresholds[value].to_bits() >> Shown::INDEX_SHIFT);
         Self { smallest: thresholds, at_least, one_step_suffices: elements.is_sorted_by(|a, b| a < b) }

@@ -5,8 +5,8 @@ use super::jpeg::MARKER;
 /// The second byte of the first of the eight markers for restarts.
 pub(super) const FIRST_RESTART: u8 = 0xd0;
 
-/// For each possible value of the next 16 bits, the length of the code with which they begin, and the code's value. The
-/// length is 0 if they begin with no code.
+/// For each possible value of the next 16 bits: the length and the value of the code with which these 16 bits begin.
+/// The length is 0 if the 16 bits begin with no code.
 pub(super) type Codes = Vec<[u8; 2]>;
 
 /// Adds the tables of codes of a segment to `codes`.

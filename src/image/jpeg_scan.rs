@@ -1,6 +1,6 @@
 //! Checks the compressed values of a JPEG (ITU-T T.81, Huffman coding), which the decoder does not check: the decoder
-//! replaces values that are missing or damaged by others without an error. Only the lengths of the values are read, so
-//! the check takes less time than decoding.
+//! replaces missing or damaged values by other values, and reports no error. Only the lengths of the values are read,
+//! so the check takes less time than decoding.
 
 use super::decode::segments_of;
 use super::jpeg::START_OF_SCAN;

@@ -208,8 +208,8 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let [east, west, north, south, nearest] = chunks.map(of_chunk).reduce(|| [f64::NEG_INFINITY; 5], most);
     // If the left and the right plane are moved outwards until they touch the mesh, these two planes
     // intersect in a line. If the upper and the lower plane are moved outwards until they touch the mesh,
-    // they intersect in a second line. One of the two lines is farther from the mesh. An eye that is as far away as
-    // this line sees the whole mesh.
+    // they intersect in a second line. The eye sees the whole mesh if it is as far away as the line that is farther
+    // from the mesh.
     let across = (east + west) / (2.0 * tan_x);
     let down = (north + south) / (2.0 * tan_y);
     let distance = across.max(down).max(nearest + NEAREST_RADII * ball.radius);

@@ -1,6 +1,6 @@
 //! Reads the number that a launcher (a scheduler, or a program such as `mpirun` that starts processes) assigned to
-//! this process. Each launcher in this file sets environment variables with names of its own. The lowest number
-//! differs, too: 0, 1 or, in a Slurm array, any number.
+//! this process. Each launcher in this file sets environment variables with names of its own. The lowest number that a
+//! launcher assigns differs, too: it is 0, 1 or, in a Slurm array, any number.
 
 use super::Shard;
 use crate::error::{Error, Result};

@@ -148,8 +148,8 @@ impl Numbered {
 /// rendered again. A rule of a makefile whose target is the file then has nothing left to do. If the system
 /// refuses, for example because the file belongs to another user, the file keeps its modification time.
 fn made_now(file: &Path) {
-    // To set a file's times, Windows needs a file that is open for writing. On Unix, a file that is open for reading
-    // is enough.
+    // On Windows, a program can set a file's times only if it has opened the file for writing. On Unix, it is enough to
+    // open the file for reading.
     let opened = File::options().read(true).write(cfg!(windows)).open(file);
     let _ = opened.and_then(|file| file.set_modified(SystemTime::now()));
 }

@@ -130,8 +130,8 @@ fn no_rate(rate: u16, target: &Target) -> Error {
 /// The largest number of pictures that are encoded at the same time; encoding more pictures at once does not let a GPU
 /// cast more frames per second.
 const MOST_WRITERS: usize = 8;
-/// Number of cores per picture that is being encoded. An encoder uses one of the two cores; the other core
-/// reads and casts frames.
+/// Number of cores per picture that is being encoded. Of the two cores, one runs the encoder, and the other one reads
+/// and casts frames.
 const CORES_OF_WRITER: usize = 2;
 
 /// Returns how many pictures of a size are encoded at the same time. On a machine with few cores, only one picture is

@@ -58,8 +58,8 @@ pub(super) struct Survey {
 
 impl Survey {
     /// Looks through `json`. Returns an error if a key occurs twice in an object: then raycl would have to ignore one
-    /// of its values. Names that `gltf-json` takes for those of other attributes are refused, too. JSON that is not
-    /// valid is no error here, because [`super::json::read`] reports it.
+    /// of its values. The function also refuses an attribute's name if `gltf-json` takes it for the name of another
+    /// attribute. JSON that is not valid is no error here, because [`super::json::read`] reports it.
     pub fn of(named: Named<'_>, json: &[u8]) -> Result<Self> {
         let mut survey = Self::default();
         let walk = Walk { survey: &mut survey, keys: Keys::Of(&kinds::FILE) };
