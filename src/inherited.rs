@@ -56,7 +56,8 @@ fn wait_for_streams() {
         if let Ok(flags) = fcntl_getfl(stream)
             && flags.contains(OFlags::NONBLOCK)
         {
-            // If the system refuses, reading or writing may fail later, with a message.
+            // If the system refuses to make a stream blocking, reading from it or writing to it may fail later, with a
+            // message.
             let _ = fcntl_setfl(stream, flags.difference(OFlags::NONBLOCK));
         }
     }

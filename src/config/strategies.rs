@@ -97,8 +97,8 @@ fn entry_instead(text: &str) -> Option<String> {
     Some(format!("in a config, write [[strategy]] with preset = {base:?} and {}", axes?.join(" and ")))
 }
 
-/// Returns a value of an axis in the form of `--strategy`, such as `width=4`, as a line of a config; `None` if `part`
-/// has no `=`.
+/// Converts `part`, a value of an axis in the form of `--strategy` (such as `width=4`), to a line of a config. Returns
+/// `None` if `part` has no `=`.
 fn key_of(part: &str) -> Option<String> {
     let (axis, value) = part.split_once('=')?;
     let (axis, value) = (axis.trim(), value.trim());

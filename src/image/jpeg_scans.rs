@@ -55,7 +55,7 @@ fn pass_header<'a>(rest: &'a [u8], components: &mut Vec<(u8, u64)>) -> Option<&'
 
 /// Returns the bytes that begin with the first marker after a scan.
 fn pass_scan(rest: &[u8]) -> Option<&[u8]> {
-    // After the first byte of a marker, a zero or the number of a restart does not end the scan.
+    // If a zero or the number of a restart follows the first byte of a marker, the scan goes on.
     let ends = |pair: &[u8]| pair[0] == MARKER && !matches!(pair[1], 0 | 0xd0..=0xd7 | MARKER);
     rest.windows(2).position(ends).map(|at| &rest[at..])
 }

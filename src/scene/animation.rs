@@ -200,8 +200,8 @@ impl Animation {
         self.notes.load(notes);
     }
 
-    /// Returns `notes`, the notes on the scene as it was loaded, after it has replaced those on frame 1 by those on the
-    /// frames that were rendered.
+    /// `notes` are the notes on the scene as it was loaded. Returns these notes, but with the notes on the rendered
+    /// frames in place of those on frame 1.
     pub fn notes(&self, notes: Vec<String>) -> Vec<String> {
         self.notes.instead_of_loaded(notes)
     }

@@ -51,8 +51,8 @@ impl FrameNotes {
         self.later.extend(new.into_iter().take(shown));
     }
 
-    /// Returns `notes`, the notes on the scene as it was loaded, after it has replaced those on frame 1 by those on the
-    /// rendered frames.
+    /// `notes` are the notes on the scene as it was loaded. Returns these notes, but with the notes on the rendered
+    /// frames in place of those on frame 1.
     pub fn instead_of_loaded(&self, mut notes: Vec<String>) -> Vec<String> {
         let Some(first) = &self.first else { return notes };
         let of_frame_1: HashSet<String> = self.loaded.all().collect();

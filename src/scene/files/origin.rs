@@ -68,8 +68,8 @@ impl Limit {
         }
     }
 
-    /// Returns the [`Flaw`] of a file in which a used position is not valid. `vertex` names the vertex at this position
-    /// as the file's author knows it.
+    /// Returns the mistake, as a [`Flaw`], that a file with an invalid position has. `vertex` names the vertex at this
+    /// position as the file's author knows it.
     pub fn invalid(self, vertex: &str, position: &DVec3) -> Flaw {
         let expected = format!("expected finite coordinates within +-{}", self.shown());
         let [x, y, z] = position.to_array().map(coordinate);

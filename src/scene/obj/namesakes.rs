@@ -35,7 +35,7 @@ impl Namesakes {
 /// meant.
 fn unused(reach: Reach<'_>, text: &str, folder: &str, used: &str) -> Option<String> {
     let is_stated = stated_paths(text).any(|path| path == used || format!("{folder}{path}") == used);
-    // If the text is the path from the mesh's folder, the path from the MTL file's folder may be meant.
+    // raycl has read the text as a path from the mesh's folder, but a path from the MTL file's folder may be meant.
     let is_beside_mesh = stated_paths(text).any(|path| path == used);
     let beside_materials = is_beside_mesh.then(|| format!("{folder}{used}"));
     let mut others = paths(text, folder).take_while(|path| path != used).chain(beside_materials);

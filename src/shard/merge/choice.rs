@@ -83,8 +83,8 @@ impl Offered {
                 let share = shares.get(&(*attempt, Together::of(record))).copied();
                 (record.rank(), Reverse(share.unwrap_or_default()))
             };
-            // If several records have the same order, `min_by_key` returns the first of these records: the
-            // record of the first attempt.
+            // If several records are equally good, `min_by_key` returns the first of these records: the record of the
+            // first attempt.
             chosen.best.extend(records.into_iter().min_by_key(order).map(|best| (key, best)));
         }
         chosen

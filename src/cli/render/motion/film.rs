@@ -107,9 +107,8 @@ pub struct Keys {
     texels: LastHash<[[f32; 3]]>,
 }
 
-/// A large part of a scene, such as its mesh, with the hash of this part. The stored part of the scene is
-/// that of the frame for which the latest key was made. If consecutive frames share this part of the scene,
-/// its hash is computed only once.
+/// A large part of a scene, such as its mesh, with the hash of this part. The stored part belongs to the scene of the
+/// frame whose key was made last. If consecutive frames share this part of the scene, its hash is computed only once.
 struct LastHash<T: ?Sized>(Option<(Arc<T>, String)>);
 
 impl<T: ?Sized> LastHash<T> {
