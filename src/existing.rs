@@ -1,8 +1,8 @@
-//! Finds out whether files and folders exist. Only a few of the system's errors mean that nothing is at a
-//! path ([`is_missing`]). Errors of other kinds, such as that of a network disk that does not answer, leave
-//! unknown whether something is at the path. If it is unknown whether something is at a path, the functions
-//! of this module return the system's error. If these functions reported a missing file in place of the
-//! system's error, raycl would ignore results that exist.
+//! Finds out whether files and folders exist. Only a few of the system's errors mean that nothing is at a path
+//! ([`is_missing`]). After any other error, such as that of a network disk that does not answer, it is unknown whether
+//! something is at the path. If it is unknown whether something is at a path, the functions of this module return the
+//! system's error. If these functions reported a missing file in place of the system's error, raycl would ignore
+//! results that exist.
 
 use crate::error::{Error, Result, limit_advice};
 use crate::reader;

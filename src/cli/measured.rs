@@ -1,6 +1,5 @@
-//! Functions for commands that measure several things, such as devices or points. Some of the measurements
-//! may fail. The functions of this file decide what the command stores after a failed measurement, and what
-//! the command tells the user.
+//! Functions for commands that measure several things, such as devices or points, and some of whose measurements may
+//! fail. The functions decide what such a command stores after a failed measurement, and what it tells the user.
 
 use crate::error::{Error, Result};
 use crate::output::Target;

@@ -43,7 +43,7 @@ fn has_other_primaries(header: &[u8]) -> bool {
 }
 
 /// Returns true if a BMP has 32 bits per texel without bit masks, and the fourth bytes of its texels are neither all 0
-/// nor all 255. By the format's definition, these bytes have no meaning, but some programs store alpha in them.
+/// nor all 255. By the format's definition, the fourth bytes have no meaning, but some programs store alpha in them.
 pub fn has_fourth_channel(bytes: &[u8]) -> bool {
     let states = || {
         let header = bytes.get(FILE_HEADER_BYTES..)?;

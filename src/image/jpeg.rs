@@ -12,8 +12,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 const BLOCK: usize = 8;
 /// The largest number of blocks between two restart markers, which is stored in 16 bits.
 const MOST_BLOCKS: usize = u16::MAX as usize;
-/// Number of block rows (rows of blocks) in a band, unless [`MOST_BLOCKS`] allows fewer. Encoding this many
-/// block rows takes long enough to be worth a separate task.
+/// Number of block rows (rows of blocks) in a band, unless [`MOST_BLOCKS`] allows fewer. Encoding a band of this height
+/// takes long enough to be worth a separate task.
 const BAND_ROWS: usize = 16;
 pub(super) const MARKER: u8 = 0xff;
 const START_OF_FRAME: u8 = 0xc0;

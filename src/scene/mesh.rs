@@ -174,7 +174,7 @@ impl Mesh {
 
     /// Returns the smallest and the largest corner of the mesh's bounding box; `None` if the mesh has no triangles.
     /// Triangles with two corners at the same position are left out, unless the mesh has only such triangles. No ray
-    /// hits them, and some programs leave such triangles far from the object.
+    /// hits such a triangle, and some programs leave such triangles far from the object.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         type Bounds = (Vec3, Vec3);
         let none = || (Vec3::INFINITY, Vec3::NEG_INFINITY);

@@ -35,7 +35,7 @@ pub struct MissingKind {
     /// this kind of device, the text is the word that selects the kind. Missing casters on the host have the text
     /// `host`, since any kind of host may measure them.
     pub device: String,
-    /// The points of this kind of device that have no record, or that failed, in a readable form.
+    /// The readable names of those points of this kind of device that have no record, or that failed.
     pub points: Vec<String>,
     /// The number of points that the plan has for this kind of device.
     pub of: usize,

@@ -139,13 +139,12 @@ impl Verification {
 #[derive(Debug, Default, Serialize)]
 pub struct Verified {
     /// The largest relative difference that the verification found. If soft light was not cast in half
-    /// pictures (of half the width and height), this is the difference from the reference over all certain
-    /// pixels, whose values do not depend on rounding; null if no pixel is certain. If soft light was cast in
-    /// half pictures, raycl compares twice, and this field has the larger of the two differences; it is never
-    /// null. The first comparison: the pictures from which the filter made the final picture are compared
-    /// with the reference, in their certain pixels. The second comparison: the host applies the filter of the
-    /// final picture to the pictures that the device cast, and all pixels of the final picture are compared
-    /// with the host's result.
+    /// pictures (of half the width and height), this field has the largest difference from the reference over all
+    /// certain pixels, whose values do not depend on rounding; null if no pixel is certain. If soft light was cast in
+    /// half pictures, raycl compares twice, and this field has the larger of the two differences; it is never null. The
+    /// first comparison: the pictures from which the filter made the final picture are compared with the reference, in
+    /// their certain pixels. The second comparison: the host applies the filter of the final picture to the pictures
+    /// that the device cast, and all pixels of the final picture are compared with the host's result.
     pub max_difference: Option<f64>,
     /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half
     /// pictures (soft light at half the width and height) are not counted.

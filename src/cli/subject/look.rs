@@ -20,8 +20,8 @@ pub struct Look {
     #[arg(long, help_heading = HEADING, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
     /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh without a
-    /// camera, or if only --elevation is given: about 31. A room without one of its walls is then shown through this
-    /// missing wall instead, and a scan of one side of an object from the scanned side]
+    /// camera, or if only --elevation is given: about 31; but a room that lacks a wall is shown through the missing
+    /// wall, and a scan of one side of an object from the scanned side]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", value_parser = number::<f64>(DEGREES))]
     azimuth: Option<f64>,
     /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh without a

@@ -265,7 +265,7 @@ fn read_usual_corners(context: &FaceContext, line: &[u8], corners: &mut Vec<Corn
 
 /// Parses `position`, `position/texture`, `position//normal` or `position/texture/normal`; a part after a slash may be
 /// empty. Returns an error if a part is not a whole number, if there are more than three parts, or if the file has no
-/// such position. A texture coordinate or a normal that the file does not have is no error.
+/// such position. If the file does not have the texture coordinate or the normal of a corner, this is no error.
 fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, String> {
     let mut parts = token.split(|&byte| byte == b'/');
     let first = parts.next().unwrap_or_default();

@@ -35,7 +35,8 @@ impl Namesakes {
 /// meant.
 fn unused(reach: Reach<'_>, text: &str, folder: &str, used: &str) -> Option<String> {
     let is_stated = stated_paths(text).any(|path| path == used || format!("{folder}{path}") == used);
-    // raycl has read the text as a path from the mesh's folder, but a path from the MTL file's folder may be meant.
+    // If raycl has read the text as a path from the mesh's folder, a path from the MTL file's folder may be meant
+    // instead.
     let is_beside_mesh = stated_paths(text).any(|path| path == used);
     let beside_materials = is_beside_mesh.then(|| format!("{folder}{used}"));
     let mut others = paths(text, folder).take_while(|path| path != used).chain(beside_materials);

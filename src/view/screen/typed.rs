@@ -6,7 +6,8 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::mpsc::Sender;
 
-/// Notices when the window loses the keyboard's focus. From then on, another window learns which keys are released.
+/// Notices when the window loses the keyboard's focus. Without the focus, this window does not learn which keys are
+/// released.
 #[derive(Default)]
 pub struct Focus {
     is_here: bool,
