@@ -279,8 +279,8 @@ impl DeviceInfo {
     }
 
     /// Returns true if the device's driver can return a compiled program's binary without compiling again.
-    /// PoCL cannot: PoCL usually compiles a kernel when the kernel starts, for the kernel's local size. To return a
-    /// binary, PoCL would compile every kernel once more.
+    /// PoCL is a driver that cannot do this: it usually compiles a kernel when the kernel starts, for the kernel's
+    /// local size. To return a binary, PoCL would compile every kernel once more.
     pub fn has_binaries_at_hand(&self) -> bool {
         !is_pocl(&self.platform)
     }

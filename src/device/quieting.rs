@@ -9,9 +9,8 @@ use rustix::{io::dup, stdio::dup2_stderr};
 use std::{fs::File, os::fd::OwnedFd};
 
 /// Returns a compiler option that stops PoCL's compiler from printing to the terminal, or an empty text for
-/// other compilers. PoCL's compiler prints the number of warnings, as in "2 warnings generated.", to the
-/// terminal and not to a log. The number of warnings that PoCL's compiler prints includes warnings in PoCL's
-/// own headers.
+/// other compilers. PoCL's compiler prints the number of warnings, as in "2 warnings generated.", to the terminal
+/// instead of a log. The number of warnings that PoCL's compiler prints includes warnings in PoCL's own headers.
 pub fn quieting(device: Device) -> &'static str {
     let platform = device.info(DeviceInfo::Platform).ok().and_then(|info| match info {
         DeviceInfoResult::Platform(platform) => ocl::Platform::new(platform).name().ok(),

@@ -77,8 +77,8 @@ fn spec(
     }
     let image_size = args.subject.size();
     let workload = Workload { image_size, ..known };
-    // If the device cannot cast this workload, for example because the strategy does not allow the work-group, the
-    // program might not compile, and the compiler would print an error before raycl's own message.
+    // If the device cannot cast this workload, for example because the strategy does not allow the work-group, no
+    // program is guessed: it might not compile, and the compiler would print an error before raycl's own message.
     Requirements::check(strategy, &workload, &device.limits).ok()?;
     ProgramSpec::new(sources, strategy, &workload, device.builtins()).ok()
 }

@@ -111,8 +111,8 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
 /// Returns the slope at the first or the last keyframe. The result is the slope of the parabola through this
 /// keyframe and the two nearest keyframes, limited so that the curve does not overshoot (Moler, Numerical
 /// Computing with MATLAB, 2004, section 3.6). Two straight lines connect these three keyframes. The first
-/// parameter has the lengths of the two lines, in frames; the second parameter has their slopes. In both
-/// parameters, the line that has this keyframe at one end comes first.
+/// parameter has the lengths of the two lines, in frames; the second parameter has their slopes. In both parameters,
+/// the line that begins or ends at the first or last keyframe comes first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {

@@ -8,9 +8,9 @@ use glam::Vec3;
 /// The default shadow bias, as a fraction of the scene's diagonal.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 /// The least default shadow bias, as a fraction of the largest coordinate of the surfaces and of the eye.
-/// Along each axis, rounding moves a hit by up to half of `EPSILON` times the largest coordinate. The hit is
-/// thus less than `EPSILON` times the largest coordinate away from its surface. With eight times `EPSILON`,
-/// only shadow rays that nearly graze the surface start below the surface.
+/// Along each axis, rounding moves a hit by up to half of `EPSILON` times the largest coordinate. The distance of the
+/// hit from its surface is thus less than `EPSILON` times the largest coordinate. With eight times `EPSILON`, only
+/// shadow rays that nearly graze the surface start below the surface.
 const ROUNDING_SHADOW_BIAS: f32 = 8.0 * f32::EPSILON;
 
 /// Returns a note if a scene with these bounds is so small that the kernels may miss its triangles. A bare mesh is

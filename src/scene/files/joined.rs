@@ -15,7 +15,8 @@ pub(super) fn key<T: Add<Output = T> + Default, B>(position: [T; 3], bits: impl 
     position.map(|x| bits(x + T::default()))
 }
 
-/// Joins elements with equal keys. Returns the distinct elements, and the index among them of each element of `all`.
+/// Joins elements with equal keys. Returns the distinct elements. Also returns, for each element of `all`, the index of
+/// its equal among the distinct elements.
 pub(super) fn joined<T: Copy, K: Ord + Send>(all: &[T], key: impl Fn(&T) -> K) -> (Vec<T>, Vec<u32>) {
     let mut order: Vec<Sorted<K>> = all.iter().map(key).zip(0..).collect();
     order.par_sort_unstable();

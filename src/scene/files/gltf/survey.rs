@@ -126,8 +126,8 @@ impl Keys {
     }
 }
 
-/// Looks through a value and all values in it. `keys` is the meaning of the keys of the value, if it is an object, or of
-/// the objects in it, if it is a list.
+/// Looks through a value and all values in it. If the value is an object, `keys` is the meaning of its keys. If the
+/// value is a list, `keys` is the meaning of the keys of the objects in the list.
 struct Walk<'s> {
     survey: &'s mut Survey,
     keys: Keys,
