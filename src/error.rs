@@ -202,7 +202,7 @@ impl Error {
     /// Returns an error for a file of results that cannot be written.
     pub fn unwritable(path: &Path, error: &std::io::Error) -> Self {
         let usual = match error.kind() {
-            // The file would be made if it was missing, so its folder is missing.
+            // raycl makes a missing file, so it is not the file but its folder that is missing.
             std::io::ErrorKind::NotFound => MOVED,
             _ if is_forbidden(error) => ELSEWHERE_ONLY,
             _ => ELSEWHERE,

@@ -63,8 +63,8 @@ pub struct Args {
     /// scene's file, with the extension .png; for a scene from standard input, picture.png]
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Also write layers. For each pixel, they contain depth, normal and base colour, the numbers of the triangle and
-    /// the object, and the counts of triangle tests and visited tree nodes. NAME.exr gets all layers. For NAME.png,
+    /// Also write layers. For each pixel, the layers contain depth, normal and base colour, the numbers of the triangle
+    /// and the object, and the counts of triangle tests and visited tree nodes. NAME.exr gets all layers. For NAME.png,
     /// each layer gets a file of its own, such as NAME-depth.png. Not with --devices, --turntable or --animate
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,

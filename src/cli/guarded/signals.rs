@@ -33,9 +33,9 @@ pub struct Parent {
 impl Parent {
     /// Prepares this process for child processes that show pictures on this screen. This process gets
     /// handlers of the signals in [`ENDING`] in two cases. If this process lends its terminal to the child
-    /// processes, the handlers are needed because the terminal must be restored before this process ends. If
-    /// this process is the first process of a container, they are needed because the system delivers to this
-    /// process only signals that have a handler.
+    /// processes, the handlers are needed because the terminal must be restored before this process ends. If this
+    /// process is the first process of a container, the handlers are needed because the system delivers to this process
+    /// only signals that have a handler.
     pub fn new(screen: Screen) -> Result<Self> {
         let terminal = if screen == Screen::Terminal { LentTerminal::new() } else { None };
         let has_handlers = terminal.is_some() || std::process::id() == FIRST_PROCESS;

@@ -1,5 +1,5 @@
 //! Reports shards that were attempted more than once, for example after a requeue. The first attempt at a shard may
-//! still have been running during the second attempt, and may have slowed it down.
+//! still have been running during the second attempt, and may have slowed down the second attempt.
 
 use super::lines;
 use crate::error::Result;

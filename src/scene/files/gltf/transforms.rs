@@ -83,7 +83,7 @@ fn roots(root: &Root) -> impl Iterator<Item = Index<Node>> {
     nodes.filter(|(_, has_parent)| !has_parent).map(|(number, _)| Index::new(number as u32))
 }
 
-/// Returns, for each node of the file, whether it is a child of a node.
+/// Returns, for each node of the file, whether the node is a child of another node.
 pub(super) fn has_parent(root: &Root) -> Vec<bool> {
     let mut has_parent = vec![false; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {

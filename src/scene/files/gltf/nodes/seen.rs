@@ -52,10 +52,10 @@ impl FileCamera<'_> {
 impl Walk<'_> {
     /// Adds the camera of a node. The camera looks along the node's -z axis. The lengths of the node's axes have no
     /// effect (glTF 2.0, 3.10.2), so a scale does not change the camera's znear, either, and a negative scale of the
-    /// node does not turn the camera. (A negative scale of a parent moves the camera, and may turn it, like the
-    /// meshes, so that it still looks at them.) A camera is counted but not added if it is not a perspective camera, or
-    /// if the node's transform makes its directions zero or parallel. A camera with an impossible field of view gets
-    /// one of 45 degrees. A camera with an impossible znear gets a znear of 0.
+    /// node does not turn the camera. (A negative scale of a parent moves the camera and the meshes together, and may
+    /// turn both, so that the camera still looks at the meshes.) A camera is counted but not added if it is not a
+    /// perspective camera, or if the node's transform makes its directions zero or parallel. A camera with an
+    /// impossible field of view gets one of 45 degrees. A camera with an impossible znear gets a znear of 0.
     pub(super) fn add_camera(&mut self, node: &Node, transform: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =
