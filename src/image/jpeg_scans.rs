@@ -11,8 +11,9 @@ const PROGRESSIVE: u8 = 0xc2;
 const MOST_COMPONENTS: usize = 4;
 
 /// Returns true if, for some coefficient of some component, no scan of a progressive JPEG has the coefficient's last
-/// bit. Programs write all bits of all coefficients, so scans of the file were lost, for example because it was cut
-/// off. Returns false for other JPEGs, and if the header of the frame is not valid.
+/// bit. Programs write all bits of all coefficients. If the last bit of a coefficient is missing, the file has
+/// therefore lost scans, for example because the file was cut off. Returns false for other JPEGs, and if the header of
+/// the frame is not valid.
 pub(super) fn are_missing(bytes: &[u8]) -> bool {
     // For each component: its identifier in the file, and a word with one bit for each coefficient. The bit is set if
     // no scan so far has the coefficient's last bit.

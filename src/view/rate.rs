@@ -86,8 +86,8 @@ impl Rate {
         self.recent.ms += ms;
     }
 
-    /// Forgets the device times and the rays that were counted so far, because the next frames are cast with another
-    /// strategy, local size, device or picture size, or from changed files.
+    /// Forgets the device times and the rays that were counted so far, because the next frames will have another
+    /// strategy, local size, device or picture size, or because files have changed.
     pub fn switched(&mut self) {
         self.times_ms.clear();
         self.rays = 0.0;

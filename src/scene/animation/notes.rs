@@ -64,8 +64,8 @@ impl FrameNotes {
     }
 }
 
-/// Returns a note without the number of the frame whose track it names, so that equal notes on several frames have the
-/// same text.
+/// If a note names a track and a frame, returns the note without the frame's number. Equal notes on several frames then
+/// have the same text.
 fn without_frame(note: &str) -> String {
     let names_track = |before: &str| before.ends_with('`') || before.ends_with("a track");
     match note.split_once(" at frame ").filter(|(before, _)| names_track(before)) {

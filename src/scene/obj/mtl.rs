@@ -544,8 +544,8 @@ fn has_highlight(material: &tobj::Material) -> bool {
 }
 
 /// Returns true if the material has a highlight with the exponent 0. Programs such as MeshLab write this exponent
-/// together with a white Ks if a material has no highlight. A highlight with this exponent would be as bright at all
-/// angles, so it would make the whole surface paler.
+/// together with a white Ks if a material has no highlight. A highlight with the exponent 0 would be equally bright at
+/// all angles, and thus make the whole surface paler.
 fn has_even_highlight(material: &tobj::Material) -> bool {
     has_highlight(material) && material.shininess == Some(0.0)
 }

@@ -44,8 +44,8 @@ pub(super) struct LeftOut {
     pub other_meshes: usize,
     /// The number of meshes that no node names, if the shown scene has other meshes.
     pub nodeless: usize,
-    /// The number of primitives whose node has a skin that does not place them: they have no joints and weights, or no
-    /// joint of the skin is valid.
+    /// The number of primitives whose node has a skin that does not place them. The reason is that the primitive has no
+    /// joints and weights, or that no joint of the skin is valid.
     pub unskinned: usize,
     /// The number of vertices with joints or weights that are not valid.
     pub odd_influences: usize,

@@ -107,7 +107,7 @@ enum Keys {
     Extensions(Option<&'static Kind>),
     /// The keys are names of a primitive's attributes.
     Attributes,
-    /// The keys are those of an object of an unknown kind, such as one in an extension that raycl does not read.
+    /// The keys are those of an object of an unknown kind, such as an object in an extension that raycl does not read.
     Others,
 }
 
