@@ -204,22 +204,52 @@ impl Map {
             asked: Asked::default(),
         };
         let all: Vec<&[u8]> = name_tokens(rest).collect();
-        let (mut at, mut earlier) = (0, Vec::new());
+        let at = map.options(keyword, &all, 0)?;
+        let without = || unfit_map(keyword, format!("{keyword} without a file"), "the name of a picture");
+        let position = |token: &[u8]| token.as_ptr() as usize - rest.as_ptr() as usize;
+        let from = position(all.get(at).ok_or_else(without)?);
+        // A file name may contain spaces, so the name is the rest of the line, or ends before options.
+        let name = match map.options_after_name(keyword, &all, at)? {
+            Some(option) => rest[from..position(option)].trim_ascii_end(),
+            None => &rest[from..],
+        };
+        map.named = words(name);
+        Ok(map)
+    }
+
+    /// Reads the options at the end of a line, after the name of the file, which begins with the word `name` of `all`.
+    /// The format has options only before the name, but some files have them after it. Returns the first of these
+    /// options; `None` if there are none.
+    fn options_after_name<'a>(
+        &mut self,
+        keyword: &str,
+        all: &[&'a [u8]],
+        name: usize,
+    ) -> Result<Option<&'a [u8]>, Unfit> {
+        let is_first = |at: &usize| is_known_option(all[*at]) && has_extension(all[*at - 1]);
+        let Some(first) = (name + 1..all.len()).find(is_first) else { return Ok(None) };
+        let mut with_options = self.clone();
+        if with_options.options(keyword, all, first)? < all.len() {
+            return Ok(None);
+        }
+        *self = with_options;
+        Ok(Some(all[first]))
+    }
+
+    /// Reads the options that begin at the word `at` of a line. Returns the number of the next word.
+    fn options(&mut self, keyword: &str, all: &[&[u8]], mut at: usize) -> Result<usize, Unfit> {
+        let mut earlier = Vec::new();
         while let Some(option) = all.get(at).filter(|token| token.starts_with(b"-") && token.len() > 1) {
             at += 1;
-            let before = map.placement();
-            at += map.option(keyword, option, &all[at..])?;
-            if earlier.contains(&option) && map.placement() != before {
+            let before = self.placement();
+            at += self.option(keyword, option, &all[at..])?;
+            if earlier.contains(&option) && self.placement() != before {
                 let first = [keyword.as_bytes(), b" first ", option].concat();
-                map.asked.add(Wish::TextureOption, &first);
+                self.asked.add(Wish::TextureOption, &first);
             }
             earlier.push(option);
         }
-        let without = || unfit_map(keyword, format!("{keyword} without a file"), "the name of a picture");
-        // A file name may contain spaces, so the name is the rest of the line.
-        let from = all.get(at).ok_or_else(without)?.as_ptr() as usize - rest.as_ptr() as usize;
-        map.named = words(&rest[from..]);
-        Ok(map)
+        Ok(at)
     }
 
     /// Reads an option, or counts the option if raycl does not support it. `after` has the words after the
@@ -360,6 +390,17 @@ pub(super) fn paths(named: &str, folder: &str) -> impl Iterator<Item = String> {
 }
 
 /// Returns true if a word is a number, finite or not.
+fn is_known_option(word: &[u8]) -> bool {
+    matches!(word, b"-s" | b"-o" | b"-t" | b"-mm" | b"-clamp") || OF_ONE_WORD.contains(&word)
+}
+
+/// Returns true if a word ends like the name of a file: with a dot and two to four letters or digits.
+fn has_extension(word: &[u8]) -> bool {
+    let dot = word.iter().rposition(|byte| *byte == b'.').filter(|dot| *dot > 0);
+    let extension = dot.map(|dot| &word[dot + 1..]);
+    extension.is_some_and(|end| (2..=4).contains(&end.len()) && end.iter().all(u8::is_ascii_alphanumeric))
+}
+
 fn is_number(word: &[u8]) -> bool {
     words(word).parse::<f32>().is_ok()
 }
@@ -547,6 +588,21 @@ mod tests {
             assert!(notes.iter().zip(options).all(names_option), "{rest}: {notes:?}");
             assert_eq!(map.name(), "a.png", "{rest}");
         }
+    }
+
+    #[test]
+    fn options_may_come_after_the_name() {
+        let placed = |name: &str| Some((name.to_owned(), [2.0, 3.0], [0.5, 0.0], Wrap::Clamp));
+        assert_eq!(map(" a b.png -s 2 3 1 -o 0.5 -clamp on"), placed("a b.png"));
+        assert_eq!(map(" -s 2 3 a b.png -o 0.5 -clamp on # c"), placed("a b.png"));
+        let usual = |name: &str| Some((name.to_owned(), [1.0; 2], [0.0; 2], Wrap::Repeat));
+        for name in ["wood -s 2 3 1.png", "a.png -s 2 b.png", "a.png -x 2", "a -s 2", "v1.5 -o 1 b.png"] {
+            assert_eq!(map(&format!(" {name}")), usual(name));
+        }
+        assert_eq!(map(" a.png -s nan"), None);
+        let bump = Map::of_line("map_Kd", b" a.png -bm 2").unwrap();
+        assert_eq!(bump.name(), "a.png");
+        assert!(bump.asked.notes("material", true).any(|note| note.contains("map_Kd -bm")));
     }
 
     #[test]
