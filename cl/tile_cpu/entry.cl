@@ -9,8 +9,9 @@
 #if SAMPLED // a pixel may have several rays, each through a different point of the pixel
 #define SUBPIXELS
 #endif
-// SHADES_ONCE: whether a pixel whose samples hardly differ is shaded once (shade_once.cl). With smooth shadows, hits
-// are lit above the plane of their triangle, so the bounds in shade_once.cl would be wrong.
+// SHADES_ONCE is 1 if the program may shade a pixel only once, at the mean position of the pixel's samples, when these
+// samples hardly differ (shade_once.cl). SHADES_ONCE is 0 with smooth shadows: they light a hit as if it lay above its
+// triangle's plane, so the bounds in shade_once.cl would be wrong.
 #define SHADES_ONCE (SAMPLED && !SOFT && !TEXTURES && !CORNER_COLOURS && !EMISSIVE && !SMOOTH_SHADOWS)
 #include "common/tile.cl"
 #if WATERTIGHT // tile_cpu/intersect/watertight.cl uses this test for vectors of rays whose rays have no common axis

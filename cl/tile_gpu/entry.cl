@@ -76,9 +76,10 @@ typedef struct {
 #endif
 } RayPacket;
 
-// A lane's rays before they are divided into passes. Directions may have any length; the unit of a ray's t is the
-// length of its direction. All rays begin at the same 1/t (FAR if they begin at the origin) and end at the same 1/t (0
-// if they do not end).
+// A lane's rays before they are divided into passes. x, y and z are the rays' directions, which may have any length. A
+// ray's t is its distance from the origin, divided by the length of the ray's direction. All rays begin at 1/t =
+// `per_begin`, which is FAR for rays that begin at the origin. All rays end at 1/t = `per_end`, which is 0 for rays
+// without an end.
 typedef struct {
     float x[RAYS], y[RAYS], z[RAYS];
     float per_begin, per_end;
@@ -98,14 +99,14 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 #include "tile_gpu/intersect/{intersector}.cl"
 
-// Returns the distance, in slopes (x and y per unit of z), between the leading ray of a pass and the rays of
-// neighbouring lanes. The leading ray determines the pass's axis; `leader` is the leading ray's lane. Of this lane's
-// rays, the function considers the one with the leading ray's number: `distance` is its distance from the leading ray
-// (FAR if it cannot join the pass). Two neighbours of the lane `leader` count: the nearer one in its row, and the
-// nearer one in its column. The result is the larger of their distances. If only the row or only the column has a
-// neighbour with a ray, the result is the distance to this neighbour; if neither has one, the result is FAR. In a block
-// of 8 x 4 lanes, the index of a neighbour differs by 1 in a row, and by 8 in a column. At the block's edge, the index
-// wraps around to a more distant lane.
+// Estimates how far the rays of neighbouring lanes are from the leading ray of a pass. (The leading ray determines the
+// pass's axis.) `leader` is the lane of the leading ray. In each lane, only the ray with the
+// leading ray's number counts. `distance` is the distance of this ray from the leading ray, measured in slopes (x and y per
+// unit of z), or FAR if the ray cannot join the pass. The function takes the nearer of the two neighbours in the row of
+// the lane `leader`, and the nearer of the two neighbours in its column. It returns the larger of these two distances.
+// If only the row or only the column has a neighbour with a ray, the function returns the distance of this neighbour's
+// ray; if neither has one, it returns FAR. The lanes form a block of 8 x 4, so the indices of neighbours differ by 1 in
+// a row, and by 8 in a column. At the block's edge, the index wraps around to the opposite edge.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));

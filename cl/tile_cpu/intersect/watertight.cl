@@ -107,13 +107,13 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 // directions. Testing sixteen intervals takes about as long as testing four vectors, so with few vectors, this test
 // does not pay.
 #define FEW_VECTORS (4 * PARTS)
-// A bound of a volume's (determinant's) rounding error, divided by the product of the three vectors' sizes. The bound
+// A bound of a volume's (determinant's) rounding error, divided by the product of the three vectors' 1-norms. The bound
 // also covers the errors of intersect_sheared, which grow with the angle between a ray and the common axis.
 #define VOLUME_ROUNDING 2e-5f
 
-// Returns the vectors of rays in `live` of which a ray may run on the positive side of a plane through the origin: the
-// side to which the plane's normal points. The normal is the cross product of two vectors; `size` is the product of the
-// sizes of these two vectors.
+// Tests vectors of rays against a plane through the rays' origin. A plane's positive side is the side to which `normal`
+// points. Returns `live` without the vectors of rays whose rays all certainly run on the negative side. `normal` is a
+// cross product of two vectors, and `size` is the product of these two vectors' 1-norms (uniform_size).
 static uint vectors_inside(const Bundle *bundle, Uniform3 normal, float size, uint live) {
     for (int part = 0; part < PARTS; part++) {
         const float16 inside = largest_product(bundle, part, normal.x, normal.y, normal.z);
