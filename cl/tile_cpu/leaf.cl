@@ -19,7 +19,7 @@ Mask solid_in_tile(const Bundle *bundle, int vector, int index, Mask hits, const
 #error "FEW_VECTORS: up to so many vectors, a triangle is tested against rays without testing vectors_near first"
 #endif
 
-// Returns those of the vectors of rays `vectors` whose rays are all finished, one bit each.
+// Returns a bit for each vector of rays in `vectors` whose rays are all finished.
 static uint vectors_done(const Bundle *bundle, uint vectors) {
     uint done = 0;
     for (; vectors; vectors &= vectors - 1) {

@@ -53,8 +53,8 @@ static void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// Tests the rays of the scattered vectors of rays `vectors` against a child's box. Returns the vectors of rays of which
-// an unfinished ray enters the box before the ray's end, one bit each.
+// Tests the rays of scattered vectors against a child's box. `vectors` has a bit for each of these vectors. In the
+// result, a vector's bit is set if at least one of the vector's unfinished rays enters the box before the ray's end.
 static uint rays_enter(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {

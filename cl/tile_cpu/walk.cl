@@ -57,15 +57,15 @@ int push_children(const Bundle *bundle, const Slices *slices, const TileInterval
     return waiting + popcount(pushed);
 }
 
-// Traverses the tree with a tile's rays (the bundle). `open` has a bit for each vector of rays with a ray. With `any`,
-// the traversal ends as soon as every ray has a hit.
+// Traverses the tree with a tile's rays (the bundle). In `open`, a bit is set for each vector that has at least one
+// ray. With `any`, the traversal ends as soon as every ray has a hit.
 void walk(Bundle *bundle, Slices *slices, const TileInterval *interval, const SurfaceTree *tree, uint open,
           const int any) {
 #if CUTOUTS
     bundle->tree = &tree->tree;
 #endif
     WaitingTile stack[STACK_SIZE];
-    // The stack's first entry is the tree's root, which every vector of rays with a ray visits.
+    // The stack's first entry is the tree's root, which every vector in `open` visits.
     stack[0].word = 0;
     stack[0].entry = 0.0f;
     stack[0].live = open;

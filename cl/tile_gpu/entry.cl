@@ -100,13 +100,13 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 #include "tile_gpu/intersect/{intersector}.cl"
 
 // Estimates how far the rays of neighbouring lanes are from the leading ray of a pass. (The leading ray determines the
-// pass's axis.) `leader` is the lane of the leading ray. In each lane, only the ray with the
-// leading ray's number counts. `distance` is the distance of this ray from the leading ray, measured in slopes (x and y per
-// unit of z), or FAR if the ray cannot join the pass. The function takes the nearer of the two neighbours in the row of
-// the lane `leader`, and the nearer of the two neighbours in its column. It returns the larger of these two distances.
-// If only the row or only the column has a neighbour with a ray, the function returns the distance of this neighbour's
-// ray; if neither has one, it returns FAR. The lanes form a block of 8 x 4, so the indices of neighbours differ by 1 in
-// a row, and by 8 in a column. At the block's edge, the index wraps around to the opposite edge.
+// pass's axis.) `leader` is the lane of the leading ray. In each lane, only the ray with the leading ray's number
+// counts. `distance` is the distance of this ray from the leading ray, measured in slopes (x and y per unit of z), or
+// FAR if the ray cannot join the pass. The function takes the nearer of the two neighbours in the row of the lane
+// `leader`, and the nearer of the two neighbours in the column of this lane. It returns the larger of these two
+// distances. If only the row or only the column has a neighbour with a ray, the function returns the distance of this
+// neighbour's ray; if neither has one, it returns FAR. The lanes form a block of 8 x 4, so the indices of neighbours
+// differ by 1 in a row, and by 8 in a column. At the block's edge, the index wraps around to the opposite edge.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
@@ -125,7 +125,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Dir
                         const int close, Shaft *shaft, RayPacket *packet) {
     // All lanes choose the same lane, `leader`. The first remaining ray of the lane `leader` determines the pass's
     // axis. If the lane in the middle of the 8 x 4 lanes still has a ray, all choose this lane, because its rays are
-    // closest to those of the others. Otherwise, the first lane that still has a ray is chosen.
+    // closest to the rays of the other lanes. Otherwise, the first lane that still has a ray is chosen.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
     // `first` has a single bit: the bit of the leading ray among the rays of the lane `leader`. In every lane, `own` is

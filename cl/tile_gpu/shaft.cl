@@ -92,9 +92,9 @@ INLINED Vec3 point_along_axes(const Shaft *shaft, Vec3 point) {
     return splat(along_axes(shaft, (float4)(point.x, point.y, point.z, 0.0f)));
 }
 
-// Loads the corners of the triangle at an index in leaf order. Returns 1, but by a computation from the fourth
-// components of all three corners: if the fourth component of a `float4` is unused, some compilers load the other three
-// components in two pieces, which takes twice as long.
+// Loads the corners of the triangle at an index in leaf order. The result is always 1. It is computed from the fourth
+// components of all three corners, because some compilers load a `float4` whose fourth component is unused in two
+// pieces, which takes twice as long.
 INLINED int load_corners(const Shaft *shaft, const Tree *tree, int index, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
     const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)index;
     const float4 first = row[0], second = row[1], third = row[2];
