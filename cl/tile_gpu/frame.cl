@@ -3,7 +3,7 @@
 // and shades the hits.
 
 // The tiles of a work-group form two columns if their number is even, else one column. In two columns, the tiles are
-// closer to each other, so that they read the same part of the tree.
+// closer to each other, and therefore read more of the same nodes of the tree.
 #ifndef TILES_ACROSS
 #error "TILES_ACROSS: tiles of a work-group side by side"
 #endif
@@ -73,8 +73,8 @@ INLINED uint own_tile(Group *group, const __global uint *rough, int rough_count)
 }
 #endif
 
-// STACK_LOCALS defines a group with its stack; LEAF_LOCALS defines the memory for those triangles of a leaf against
-// which the group's rays are tested.
+// STACK_LOCALS defines a group with its stack. LEAF_LOCALS defines the memory for the triangles of a leaf that are
+// tested against the group's rays.
 #define STACK_LOCALS                            \
     GROUP_LOCALS                                 \
     __local uint2 stacks[LOCAL_Y][STACK_SIZE]; \

@@ -1,4 +1,4 @@
-// Rays without a common origin: to points of a light with an extent, and to the sky. No tile casts these rays. They are
+// Rays without a common origin: to points of a light with a radius or edges, and to the sky. No tile casts them. They are
 // leftover shadow rays, which a group casts one at a time: each lane tests a child of a node or a triangle of a leaf.
 
 // The sources of light: the scene's lights and, after the last light, the sky. `light_count` is the number of the
@@ -94,7 +94,7 @@ INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int 
     // is tested.
     int faces_it = (dot3(sight.direction, surface_point->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
 #if AREA_LIGHTS
-    // The sky is no light: the array of lights has no floats for it.
+    // The sky is not a light, so the array of lights contains no numbers for the sky.
     if (!sight.is_sky) faces_it &= share_towards(at, sight.direction) > 0.0f; // the back of an area light is dark
 #endif
     return faces_it && !is_stopped(group, tree, along(surface_point->point, bias, sight.direction), sight.direction,
