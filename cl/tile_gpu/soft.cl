@@ -1,5 +1,6 @@
-// Rays without a common origin: to points of a light with a radius or edges, and to the sky. No tile casts them. They are
-// leftover shadow rays, which a group casts one at a time: each lane tests a child of a node or a triangle of a leaf.
+// Rays without a common origin: to points of a light with a radius or edges, and to the sky. No tile casts them. They
+// are leftover shadow rays, which a group casts one at a time: each lane tests a child of a node or a triangle of a
+// leaf.
 
 // The sources of light: the scene's lights and, after the last light, the sky. `light_count` is the number of the
 // scene's lights, and `first_light` is the first light of the round of lights (see shadow.cl). In this file, `light` is
