@@ -3,7 +3,8 @@
 //
 //     position (3) | power (3) | 4 x unit normal of the front (3) | edge (3) | other edge (3) | shape
 //
-// A disc's shape is AREA_DISC, a rectangle's any other number but 0. Area lights in f64: src/reference/{soft,shade}.rs.
+// The shape is AREA_DISC for a disc, and another number except 0 for a rectangle. src/reference/{soft,shade}.rs compute
+// area lights in f64.
 
 #ifndef AREA_DISC
 #error "AREA_DISC: the number of the shape of discs"
@@ -11,11 +12,11 @@
 
 static int is_area_light(const __global float *light) { return light[15] != 0.0f; }
 
-// Returns how bright a light is from a direction, relative to a point light of the same power. `to_light` is the unit
-// vector towards the light. The light's front has the same radiance L = power / (pi A) everywhere and in all
-// directions; A is the front's area. From a large distance r, at the angle a to the front's normal, the front fills the
-// solid angle A cos(a) / r^2. A surface that faces the light thus receives L A cos(a) / r^2 = power cos(a) / (pi r^2),
-// which is 4 cos(a) times the irradiance power / (4 pi r^2) of a point light.
+// Returns the irradiance from a light, divided by the irradiance from a point light of the same power at the same
+// place. `to_light` is the unit vector towards the light. The light's front has the same radiance L = power / (pi A)
+// everywhere and in all directions; A is the front's area. From a large distance r, at the angle a to the front's
+// normal, the front fills the solid angle A cos(a) / r^2. A surface that faces the light thus receives L A cos(a) / r^2
+// = power cos(a) / (pi r^2), which is 4 cos(a) times the irradiance power / (4 pi r^2) of a point light.
 static varying share_towards(const __global float *light, Vec3 to_light) {
     if (!is_area_light(light)) return (varying)(1.0f);
     return max(-dot3(to_light, splat(LOAD3(light + 6))), (varying)(0.0f));

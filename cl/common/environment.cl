@@ -1,10 +1,10 @@
 // A sky that is an environment map: an equirectangular picture of the light from all directions.
 // src/reference/environment.rs computes the light of such a sky in f64.
 
-// The array `numbers` (a field of Soft, see soft.cl) begins with the floats of the sky. The first six floats of any
-// other sky are the radiance at the zenith and at the horizon. A sky that is a picture has six other floats in their
-// place: the index of the picture's first texel in `numbers`, the picture's width and height in texels, and the
-// direction in which the middle of the picture is seen. The picture's texels come after the lights' radii:
+// The array `numbers` (a field of Soft, see soft.cl) begins with the floats of the sky. If the sky is not a picture,
+// the first six floats are the radiance at the zenith and at the horizon. If the sky is a picture, the first six floats
+// are the index of the picture's first texel in `numbers`, the picture's width and height in texels, and the direction
+// in which the middle of the picture is seen. The picture's texels come after the lights' radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
 //
@@ -69,7 +69,8 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
 // blocked the sky. A half vector h is chosen with the density (s + 1) / (2 pi) (n . h)^s (n: normal, s: shininess). Let
 // w_o be the direction to the eye, and w_i this direction mirrored at h. The density of w_i is that of h, divided by
 // 4 w_o . h. The highlight k_G (s + 8) / (8 pi) (n . h)^s, times n . w_i, divided by the density of w_i, is k_G (s + 8)
-// / (s + 1) (w_o . h) (n . w_i), with k_G = surface->glossy. The estimate is this, times the radiance from w_i.
+// / (s + 1) (w_o . h) (n . w_i), with k_G = surface->glossy. The estimate is this quotient, times the radiance from
+// w_i.
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);

@@ -1,5 +1,6 @@
 // Included before ray-triangle tests that need exact signs. The pragma forbids contraction to fma in later code. With
-// fma, which rounds only one product of a b - c d, the values of a b - c d and c d - a b may differ in more than sign.
+// fma, only one of the two products in a b - c d is rounded. The values of a b - c d and c d - a b may then differ in
+// more than their sign.
 
 #ifndef FAST_MATH
 #error "FAST_MATH: 0 or 1: whether math = fast"

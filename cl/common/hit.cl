@@ -14,16 +14,18 @@
 // triangle with a determinant within this bound counts as seen edge-on, and is not hit. With a larger EDGE_ON_ROUNDING,
 // rays would miss long, thin triangles that are seen at a grazing angle, like a road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
-// If a test uses one plane for the edge that two triangles share, the triangles overlap a little, so that no ray slips
-// through at a vertex. SHARED_EDGE_SLACK is the usual overlap, divided by a triangle's distance from the rays' origin
-// and by the size of its edges. A larger overlap of triangles would darken pixels at an edge that shadow rays graze.
-// Measured with SHARED_EDGE_SLACK: none of 60,516 rays aimed at edges and vertices slips through, and all of 16 million
-// pixels of a terrain are correct. With half of SHARED_EDGE_SLACK, up to four of the 60,516 rays slip through in
-// exhaustive casting. With twice SHARED_EDGE_SLACK, at most one of the 16 million pixels is wrongly dark.
+// Some ray-triangle tests use the same plane for both triangles at a shared edge. In these tests, the triangles are
+// made to overlap a little, so that no ray slips through at a vertex. SHARED_EDGE_SLACK is the usual overlap, divided
+// by a triangle's distance from the rays' origin and by the size of its edges. A larger overlap of triangles would
+// darken pixels at an edge that shadow rays graze. Measured with SHARED_EDGE_SLACK: none of 60,516 rays aimed at edges
+// and vertices slips through, and all of 16 million pixels of a terrain are correct. With half of SHARED_EDGE_SLACK, up
+// to four of the 60,516 rays slip through in exhaustive casting. With twice SHARED_EDGE_SLACK, at most one of the 16
+// million pixels is wrongly dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
 // The overlap at an edge is proportional to the longer of two edges of the triangle, or to OVERLAP_EDGES times the
-// edge's own size (in common/planes_of_origin.cl: the shortest edge's size) if that is less. Without this limit, the
-// overlap at the short edge of a needle (a triangle with two long edges) could lengthen the needle by several pixels.
+// edge's own size (in common/planes_of_origin.cl: the shortest edge's size) if this product is less. Without this
+// limit, the overlap at the short edge of a needle (a triangle with two long edges) could lengthen the needle by
+// several pixels.
 #define OVERLAP_EDGES 8.0f
 // A triangle seen almost edge-on can look narrower than its overlap with its neighbours. Such a triangle is not hit:
 // the neighbours overlap the whole triangle, and the triangle's own overlap could lengthen it several times. `distance`

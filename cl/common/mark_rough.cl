@@ -30,8 +30,8 @@ static float largest_channel(float4 v) { return max(max(v.x, v.y), max(v.z, v.w)
 
 // Returns an upper bound of the difference between neighbouring pixels: over all channels, the largest difference
 // between the channel's greatest and least displayed value in the window. The bound takes less time than the comparison
-// of all neighbours: apart from rounding, a brighter radiance is never displayed darker, so that only the greatest and
-// the least radiance must be converted to displayed values.
+// of all neighbours, because only the greatest and the least radiance are converted to displayed values. (Apart from
+// rounding, a brighter radiance is never displayed darker.)
 float most_steps(const __global float4 *means, int2 image_size, int left, int top, float exposure, float4 tone,
                  float alpha_scale) {
     float4 least = (float4)(FLT_MAX), greatest = (float4)(-FLT_MAX);

@@ -8,9 +8,9 @@ static Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
 
 // Returns the absolute value of the factor by which a triangle's planes are multiplied: 1 / the overlap of neighbouring
 // triangles (see SHARED_EDGE_SLACK), where the overlap is rounded down to a power of two. `shortest` is the size of the
-// shortest edge, `longer` that of the longer of the edges e1 and e2, and `slack` the overlap divided by an edge's size,
-// in the unit of the edge functions. Multiplying by a power of two does not round. Two triangles' planes for their
-// shared edge therefore differ only by the sign and by a power of two.
+// shortest edge, and `longer` the size of the longer of the edges e1 and e2. `slack` is the overlap at an edge (in the
+// unit of the edge functions), divided by the edge's size. Multiplying by a power of two does not round. Two triangles'
+// planes for their shared edge therefore differ only by the sign and by a power of two.
 static float per_overlap(float slack, float shortest, float longer) {
     const float overlap = max(slack * min(longer, OVERLAP_EDGES * shortest), FLT_MIN);
     return 1.0f / as_float(as_int(overlap) & 0x7f800000); // the mask keeps only the exponent, bits 30 to 23
@@ -28,10 +28,10 @@ static Row row_of_nothing() {
 }
 
 // Returns the row (the planes) of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row
-// that is never hit. `front` is the sign, for front faces, of the dot product of the normal and a corner (relative to
-// the origin). Edges are computed from the stored corners, because corners relative to a distant origin have lost their
-// last digits. Each plane is divided by the overlap of neighbouring triangles, so that a test adds the overlap by
-// adding 1.
+// that is never hit. The dot product of the normal and a corner (relative to the origin) has the sign of `front` for
+// front faces. Edges are computed from the stored corners, because corners relative to a distant origin have lost their
+// last digits. Each plane is divided by the overlap of neighbouring triangles. A test can therefore add the overlap by
+// adding 1 to an edge function.
 Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 a = uniform_difference(corners.a, origin);
     const Uniform3 b = uniform_difference(corners.b, origin);
@@ -42,7 +42,8 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     // near zero, the origin lies nearly in the triangle's plane. A ray that hits the triangle at the distance t has the
     // determinant height / t. All rays miss if this determinant is no larger than its rounding error even at the
     // distance `nearest` (in the 1-norm, no point of the triangle is nearer), or if |height| is at most
-    // LEAST_VISIBLE. The rounding error's bound contains `nearest`, not `distance`: the first corner may be far away.
+    // LEAST_VISIBLE. The bound of the rounding error contains `nearest` instead of `distance`, because the first corner
+    // may be much farther away than other points of the triangle.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), longer = max(size1, size2);
     const float distance = uniform_size(a), nearest = max(distance - longer, 0.0f);

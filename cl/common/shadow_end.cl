@@ -3,9 +3,10 @@
 // A bound of the rounding error of the hit's distance from the light, relative to this distance: twice the error of
 // four roundings (of at most 6e-8 each), rounded up, like AT_DISTANCE in src/reference/cast.rs.
 #define ROUNDING_AT_DISTANCE 5e-7f
-// The largest 1 / cosine that gap_before_hit uses, for the angle between ray and normal. If the cosine of this angle is
-// below 1/50, a surface receives so little light that it does not matter if rounding shadows a pixel by mistake.
-// Because of MOST_PER_COSINE, gap_before_hit allows for a rounding error of at most 2.5e-5 of the light's distance.
+// gap_before_hit uses 1 / cosine of the angle between ray and normal, or MOST_PER_COSINE if that is less. If the cosine
+// of this angle is below 1/50, a surface receives so little light that it does not matter if rounding shadows a pixel
+// by mistake. Because of MOST_PER_COSINE, gap_before_hit allows for a rounding error of at most 2.5e-5 of the light's
+// distance.
 #define MOST_PER_COSINE 50.0f
 
 // Returns the gap between the hit and the end of a shadow ray that is cast from a light. The gap is relative to the

@@ -3,8 +3,8 @@
 // With several samples per pixel, the image holds their mean, which does not show whether the last sample hit
 // something. The mean's fourth component times the number of samples is the number of hits so far. If the number of
 // hits has not grown, the last sample missed, and the kernel adds the sky's radiance, divided by the number of samples,
-// to the mean. Up to then, this sample counts as black in the mean, since the background is black if the sky is a
-// picture.
+// to the mean. Before this addition, the sample counts as black in the mean, since the background is black in scenes
+// whose sky is a picture.
 __kernel void show_sky(SHOW_SKY_PARAMETERS) {
     const Pixels pixels = own_pixels(image_size);
     Soft sky;

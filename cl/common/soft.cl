@@ -95,9 +95,9 @@ static varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) 
 // Returns the seed of a hash. Each source (a light or the sky) uses several hashes; `which` is the number of the hash.
 static uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
-// Returns three numbers between 0 and 1 for the current sample of the pixel (x, y). `source` is the index of a light;
-// larger indices than that of the last light belong to the sky. The first two numbers are the coordinates of a point in
-// the unit square, over which the points of a pixel's samples are evenly distributed.
+// Returns three numbers between 0 and 1 for the current sample of the pixel (x, y). `source` is the index of a light,
+// or a number above the last light's index for the sky. The first two numbers are the coordinates of a point in the
+// unit square, over which the points of a pixel's samples are evenly distributed.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the Z-order curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;

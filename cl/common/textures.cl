@@ -34,8 +34,8 @@
 //     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
 //
 // With mip levels, a third float4 holds the triangle's unit normal, multiplied by the side of a texel on the triangle
-// (in the scene's units). The texel belongs to the triangle's texture. If the triangle has none, the texel belongs to
-// the emission texture that the material names.
+// (in the scene's units). The texel belongs to the triangle's texture. If the triangle has no texture, the texel
+// belongs to the emission texture that the material names.
 #define MAPPED_QUADS (2 + MIPS)
 
 typedef struct {
@@ -201,8 +201,9 @@ Uniform3 emission_colour(const Textures *textures, int number, int triangle, flo
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
     const float4 ab = row[0], c = row[1];
 #if MIPS
-    // `wanted` is the level of the triangle's own texture, if it has one. If the emission texture has half as many
-    // texels across and down as the triangle's own texture, its texels are twice as large, so its level is one less.
+    // `wanted` is the level of the triangle's own texture, if it has one. Suppose that the emission texture has half as
+    // many texels across and down as the triangle's own texture. The emission texture's texels are then twice as large,
+    // so the emission texture is read one level lower.
     if (as_int(c.z) >= 0) {
         const __global uint *head = texture_head(textures, number), *own = texture_head(textures, as_int(c.z));
         wanted += 0.5f * log2((float)head[1] * (float)head[2] / ((float)own[1] * (float)own[2]));

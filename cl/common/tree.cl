@@ -38,7 +38,7 @@ typedef struct {
     const __global float *nodes;
     const __global float *leaves;
 #if PLANES_OF_ORIGIN
-    // The triangles' planes: three arrays of float4 for the eye, then three arrays for each light. An array has one
+    // The triangles' planes: three arrays of float4 for the eye, then three arrays for each light. Each array has one
     // float4 per triangle, in leaf order (see common_origin.cl).
     const __global float4 *planes;
     int row; // number of float4 in an array
