@@ -63,7 +63,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #endif
             if (!intersect(&probe, from, direction, row, t_max, &hit)) continue;
 #if PLANES_OF_ORIGIN
-            // Seen from a distant light, a hit is inexact. To look up holes, the hit is computed again, as seen from P.
+            // Computed from a distant light, a hit is inexact. To look up holes, the hit is computed again, from P.
             open &= !SOLID_ON_RAYS(&scene->textures, first + k, corners(&scene->geometry, first + k),
                                    working_get(working, POINT), to_light, hit.lanes);
 #else

@@ -1,10 +1,11 @@
 // Soft light at half resolution. One picture of half the width and height (a half picture) has the light that arrives,
 // with few samples per pixel and so with noise. A second half picture has the unoccluded light, which would arrive if
 // nothing blocked it. The kernel filter_half_light divides the first half picture by the second, and filters the ratio.
-// The kernel apply_half_light then multiplies the unoccluded light of the picture of full size, which has no noise, by
-// the ratio (Heitz, Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018). The
-// half pictures and the full picture contain emitted light. Where a surface only emits light, the half pictures are
-// equal, so the ratio is 1, and changes nothing. src/reference/half_light.rs has both kernels' computations in f64.
+// The kernel apply_half_light then multiplies the unoccluded light of the picture of full size by the ratio (Heitz,
+// Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018). The unoccluded light
+// has no noise. The half pictures and the full picture contain emitted light. Where a surface only emits light, the
+// half pictures are equal, so the ratio is 1, and the multiplication changes nothing. src/reference/half_light.rs has
+// both kernels' computations in f64.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -49,9 +50,10 @@ INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
 // part of the unoccluded light that arrives.
 //
 // Neighbouring pixels use different points of lights and different directions to the sky, which repeat after 4 pixels
-// (soft.cl). Across and down, the filter covers five pixels, of which the first and the last use the same points and
-// directions. In a row or a column, each of the four choices of points and directions gets the same total weight, so
-// that no noise is left where all pixels are alike (Keller and Heidrich, "Interleaved Sampling", EGWR 2001):
+// (soft.cl). The filter covers five pixels across and five down. The first and the last of five pixels in a row use the
+// same points and directions, and have half the weight of the others. Each of the four choices of points and directions
+// thus gets the same total weight in a row, and likewise in a column. Therefore, no noise is left where all pixels are
+// alike (Keller and Heidrich, "Interleaved Sampling", EGWR 2001):
 //
 //     pixel    -2  -1   0   1   2
 //     choice    2   3   0   1   2

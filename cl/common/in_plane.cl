@@ -1,10 +1,10 @@
 // Finds rays that start in a triangle's plane. Such a ray misses the triangle. If the ray starts on the triangle,
-// a test of edges nevertheless finds a hit, at a distance that consists of rounding errors.
+// a test of edges nevertheless finds a hit, whose distance t consists only of rounding errors.
 
 // A bound of the rounding error of a sum of three products, relative to the sum of the products' absolute values.
 #define SUM_ROUNDING (4.0f * ROUNDING)
 // The watertight tests in cast/ and tile_cpu/ compute t from a sum of three numbers. If the ray starts on the triangle,
-// these numbers nearly cancel. Only hits with |sum| <= NEAR_START * (sum of |numbers|) need starts_in_plane.
+// these numbers nearly cancel. Only hits with |sum| <= NEAR_START * (sum of |numbers|) need the test starts_in_plane.
 #define NEAR_START 0.01f
 
 // Returns the lanes in which |the sum of three numbers| is at most `part` times the sum of their absolute values.

@@ -114,16 +114,16 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
 }
 
 // Returns the radius of a light (1 for an area light), or 0 if the light is treated as a point: in pictures with a
-// single sample per pixel, and in unoccluded pictures. The define SAMPLED is tested, not sample.y, since a round of
-// samples may have only one per pixel even if the picture has several.
+// single sample per pixel, and in unoccluded pictures. The define SAMPLED is tested, not sample.y, since a round may
+// have only one sample per pixel even if the picture has several samples per pixel.
 static float radius_of(const Soft *soft, int light) {
     return SAMPLED && !IS_UNOCCLUDED(soft) ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }
 
 // Returns the point of a light to which a pixel's sample casts a ray, relative to the light's centre. `at` points to
-// the light's floats. A light with a radius is a ball. Its points are uniformly distributed on a sphere in four
-// dimensions, and then projected to three. Because of this distribution, the ball looks like an evenly bright disc from
-// any side, seen from a distance.
+// the light's floats. A light with a radius is a ball. To choose points of the ball, points that are uniformly
+// distributed on a sphere in four dimensions are projected to three dimensions. Because of this distribution, the ball
+// looks like an evenly bright disc from any side, seen from a distance.
 static Vec3 off_middle(const Soft *soft, int light, const __global float *at, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
 #if AREA_LIGHTS

@@ -22,7 +22,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void fma_rate(const 
 #define STEP(i) chain##i = multiply_add(chain##i, b, c);
 #define SUM(i) +chain##i
     EACH_CHAIN(START)
-    // The chains of multiply-adds are independent, so that a multiply-add waits only for its own chain.
+    // The chains of multiply-adds are independent, so a multiply-add waits only for the previous one of its chain.
     for (int loop = 0; loop < loops; loop++) {
         EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP)
         EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP) EACH_CHAIN(STEP)

@@ -12,7 +12,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void local_rate(cons
     __local vector tile[SLOTS * GROUP];
     const int item = get_local_id(0);
 #define FILL(i) tile[i * GROUP + item] = (vector)((float)(1 << item % 4)); // a number that its neighbours do not store
-    // Neighbouring work-items access neighbouring vectors, so that few of them need the same memory bank at the same
+    // Neighbouring work-items access neighbouring vectors, so few work-items need the same memory bank at the same
     // time.
     EACH_SLOT(FILL)
     barrier(CLK_LOCAL_MEM_FENCE);

@@ -1,6 +1,6 @@
 // Tests whether one implementation of the operations across lanes works on a device. Each lane computes results that
 // the host knows; a wrong result means that the implementation does not work. Lane i of group g uses the number (7i+g)
-// mod 32, which is different in every lane of a group.
+// mod 32, which differs from lane to lane within a group.
 
 #if !defined(LOCAL_X) || !defined(LOCAL_Y)
 #error "LOCAL_X, LOCAL_Y: lanes of a group, and groups of the work-group"
@@ -14,8 +14,9 @@ __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIB
     GROUP_LOCALS
     __local uint words[LOCAL_Y][GROUP_LANES];
 #if LANE_OPERATIONS == LANES_BY_SUB_GROUPS
-    // A driver may make sub-groups of another size than GROUP_LANES, so that the number of a group or of a lane could
-    // be too large for the arrays. With such sub-groups, the kernel writes nothing, and the host finds no `answers`.
+    // A driver may make sub-groups of another size than GROUP_LANES. The number of a group or of a lane could then be
+    // too large for the arrays `words` and `answers`. With such sub-groups, the kernel writes nothing, and the host
+    // finds no `answers`.
     if (get_sub_group_size() != GROUP_LANES) return;
 #endif
     Group group;

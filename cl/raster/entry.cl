@@ -5,8 +5,9 @@
 // Coordinates", 1997).
 //
 // The kernel raster_depth finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive
-// floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth; of several triangles
-// with the same depth, the first. Finally, the kernel shade_nearest shades each pixel's nearest triangle.
+// floats are ordered like integers). The kernel raster_nearest finds the triangle with this depth. If several triangles
+// have this depth, raster_nearest finds the first of them in the mesh's order. Finally, the kernel shade_nearest shades
+// each pixel's nearest triangle.
 
 #include "cast/parts.cl"
 #include "cast/shade_nearest.cl"
@@ -16,8 +17,8 @@
 // neighbouring triangle, and triangles at a vertex leave no gap. A pixel on an edge belongs to both triangles.
 #pragma OPENCL FP_CONTRACT OFF
 
-// Returns a dot product that is not contracted. The compiler may contract functions that are defined before the pragma,
-// possibly in a different way at each call.
+// Returns a dot product that is not contracted. (The compiler may contract functions that are defined before the
+// pragma, such as uniform_dot, and possibly in a different way at each call.)
 static float exact_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 // A linear function of a pixel's column x and row y: c + x * dx + y * dy.

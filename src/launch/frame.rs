@@ -74,8 +74,8 @@ impl FrameTimes {
         Self { frame_ms, host_ms, ..Self::default() }
     }
 
-    /// Returns the median of the frames' times. `time` selects one time of a frame, or `None` if the frame
-    /// lacks this time. Returns `None` if all frames lack the selected time.
+    /// Returns the median of the frames' times. `time` returns one of a frame's times, or `None` if the frame lacks
+    /// this time. Returns `None` if all frames lack the selected time.
     pub(crate) fn median_of(frames: &[Self], time: impl Fn(&Self) -> Option<f64>) -> Option<f64> {
         median_of(&frames.iter().filter_map(time).collect::<Vec<_>>())
     }
@@ -117,8 +117,8 @@ impl FrameTimes {
     }
 
     /// Returns why the driver's times are impossible; `None` if these times are possible. The time on the
-    /// host's clock includes the time on the device's clock, so the latter cannot be much longer. For a long
-    /// sample, the time on the device's clock cannot be 0. `timer_ns` is a step of the device's timer in
+    /// host's clock includes the time on the device's clock, so the time on the device's clock cannot be much longer.
+    /// For a long sample, the time on the device's clock cannot be 0. `timer_ns` is a step of the device's timer in
     /// nanoseconds; `None` if it is unknown.
     pub fn why_impossible(&self, timer_ns: Option<u64>) -> Option<String> {
         let (device_ms, host_ms, frames) = (self.frame_ms, self.host_ms, f64::from(self.batch.unwrap_or(1)));

@@ -342,8 +342,8 @@ impl Session {
         let limits =
             DeviceLimits { global_bytes: self.limits.global_bytes.saturating_sub(held_bytes), ..self.limits };
         Requirements::check(strategy, workload, &limits).map_err(|refused| {
-            // Of the device's limits, the session's other strategies and frames affect only the limit of
-            // global memory. If another limit is exceeded, the reason therefore does not name their bytes.
+            // The bytes of the session's other strategies and frames count only against the device's limit of global
+            // memory. If another limit is exceeded, the reason therefore does not state how many bytes they take.
             let shared = refused.cause == Cause::GlobalMemory;
             Refused::Device(if shared { beside(refused, held_bytes) } else { refused })
         })?;

@@ -29,8 +29,8 @@ const TRIAL_MS: f64 = 5.0;
 /// `CASTS` casts.
 const CASTS: usize = 3;
 /// Unless all devices must be used ([`Split::every_device`]), a device is left out if it takes more than this
-/// many times as long as the fastest device. The slow device could save at most a tenth of the frame's time.
-/// The slow device would cost time if its rows took slightly longer than measured.
+/// many times as long as the fastest device. Such a slow device could save at most a tenth of the frame's time, and
+/// would cost time if its rows took slightly longer than measured.
 const SLOWEST: f64 = 10.0;
 /// The step in which a device casts a frame, for messages.
 const LAUNCH: &str = "the launch";
@@ -263,8 +263,8 @@ impl Split<'_> {
     }
 
     /// Casts the frame on devices that are ready; `lost` are the devices that failed before. If a device fails, it is
-    /// left out, and the others begin again. Returns an error, that of the first device in `lost`, if all
-    /// devices have failed, or if `every_device` is true and a device has failed.
+    /// left out, and the others begin again. If all devices have failed, or if `every_device` is true and a device has
+    /// failed, returns the error of the first device in `lost`.
     fn cast_ready(&self, mut ready: Vec<Ready>, mut lost: Vec<Lost>) -> Result<Whole> {
         loop {
             if ready.is_empty() || self.every_device && !lost.is_empty() {

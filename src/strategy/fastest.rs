@@ -63,7 +63,7 @@ impl Task {
 pub enum Candidate {
     /// Without a tree, each ray is tested against one triangle after another.
     Exhaustive,
-    /// Single rays traverse a tree; on a CPU with vectors, packets of rays do.
+    /// Single rays traverse a tree. On a CPU with vectors, packets of rays traverse the tree instead.
     Single,
     /// Tiles of rays traverse a tree together.
     Tiles {
@@ -295,8 +295,8 @@ impl Candidate {
 /// Returns the fastest strategy for a task on a device with these limits, according to measurements, and its local
 /// size.
 ///
-/// Scenes with fewer triangles than [`Constants::tree_triangles`] are cast exhaustively; if this limit is 0,
-/// only scenes without triangles are. In exhaustive casting, a CPU casts as many rays per work-item as its
+/// Scenes with fewer triangles than [`Constants::tree_triangles`] are cast exhaustively; if this limit is 0, only
+/// scenes without triangles are cast exhaustively. In exhaustive casting, a CPU casts as many rays per work-item as its
 /// vectors hold; a GPU casts a few rays per work-item, and streams triangles through `__local` memory.
 ///
 /// In larger scenes, tiles of rays traverse a tree together. On a CPU with vectors, the rays of a tile are in

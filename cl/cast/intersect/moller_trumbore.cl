@@ -38,9 +38,9 @@ static Probe prepare_probe(varying t_min, Vec3 direction) {
 // Returns a triangle's row. A barycentric weight may be below 0 or above 1 by its *slack*, a bound of its rounding
 // error. Rays then hardly ever slip through between two triangles (no ray does with the watertight test). If a triangle
 // is seen nearly edge-on, it is not hit, since perhaps no digit of the determinant `a` is correct. With PAPER_EPSILONS,
-// the slacks of weights and the limit of `a` are the paper's constants. Without, a weight's slack is proportional to
-// the distance between the ray's origin and the corner, and to the size (1-norm) of the edge in the weight's cross
-// product. The limit that |a| must exceed is then proportional to the product of both edges' sizes.
+// the slacks of weights and the limit of `a` are the paper's constants. Without PAPER_EPSILONS, a weight's slack is
+// proportional to the distance between the ray's origin and the corner, and to the size (1-norm) of the edge in the
+// weight's cross product. The limit that |a| must exceed is then proportional to the product of both edges' sizes.
 static Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
@@ -70,7 +70,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     // with |a|. The comparison is the same for front and back faces.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
-    // w1 is the weight times |a|. With the slack, a weight from 0 to 1 means -slack1 <= w1 <= |a| + slack1.
+    // The variable w1 is the weight times |a|. A weight from 0 to 1, with slack, means -slack1 <= w1 <= |a| + slack1.
     const Vec3 s = subtract(origin, splat(row.a));
     const varying distance = DISTANCE(size, s);
     const varying w1 = flip_sign(dot3(s, q), sign);

@@ -22,8 +22,8 @@ pub fn refuse_unused(sources: &Sources) -> Result<()> {
     let includes_file = |include: &Include, file: &str| include.may_be_of(file, |axis| names_of(&all, axis));
     let used = files_with_effect(&files, &includes, includes_file);
     unknown.retain(|file| !used.contains(&file.as_str()));
-    // A file without effect may be the only one that includes other files, which then have no effect either. If
-    // possible, the error therefore names a file that no file includes.
+    // Files that are included only by a file without effect have no effect either. If possible, the error therefore
+    // names a file that no file includes.
     let is_included = |file: &String| includes.iter().any(|include| includes_file(include, file));
     match unknown.iter().find(|file| !is_included(file)).or(unknown.first()) {
         Some(file) => Err(unused(folder, file, &includes, is_included(file))),
