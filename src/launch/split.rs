@@ -176,8 +176,8 @@ impl Ready {
     /// miscounts the users of the kernel, and aborts when the devices release the kernel.
     fn cast_first(&self, caster: &Caster) -> Tried<()> {
         static TURN: Mutex<()> = Mutex::new(());
-        // The lock guards no data, but only makes the devices cast one after another, so a panic of the thread
-        // that holds the lock is harmless.
+        // The lock guards no data: it only makes the devices cast one after another. A panic of the thread that holds
+        // the lock is therefore harmless.
         let _turn = locked(&TURN);
         caster.cast().map(drop).map_err(self.failed(LAUNCH))
     }

@@ -43,8 +43,8 @@ const STACK_ENTRY_BYTES: u64 = 8;
 /// Bytes of an array in `__local` memory with two words per lane. Lanes exchange values through this array if the
 /// device has no faster way.
 const BOARD_BYTES: u64 = 2 * 4 * GROUP_LANES as u64;
-/// Bytes of a candidate: a leaf's triangle, against which the rays of a tile are to be tested, and the number
-/// of the lane that prepared the triangle.
+/// Bytes of a candidate. A candidate consists of a leaf's triangle that the rays of a tile are still to be tested
+/// against, and of the number of the lane that prepared this triangle.
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
 /// Bytes of an entry in the queue of leftover shadow rays: a ray from the eye, and the lights of its shadow rays.
 const QUEUE_ENTRY_BYTES: u64 = 8;

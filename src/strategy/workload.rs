@@ -5,8 +5,8 @@ use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
 use crate::scene::{Mapped, Sampling, Scene};
 use serde::{Deserialize, Serialize};
 
-/// The base-2 logarithm of the largest number of sub-pixels across a pixel, and down. A pixel thus has at most 16
-/// sub-pixels (4 x 4), as many as a vector has rays.
+/// The base-2 logarithm of the largest number of sub-pixels into which a pixel is divided, across as well as down. A
+/// pixel thus has at most 16 sub-pixels (4 x 4), as many as a vector has rays.
 pub const MOST_SUBPIXEL_BITS: u32 = 2;
 
 /// The largest number of rays in a frame with sub-pixels in which work-items share tiles. Each ray takes 16
@@ -160,7 +160,7 @@ impl Workload {
     }
 
     /// Returns the workload of a half picture: a picture of half the width and height, in which soft light is
-    /// cast. For soft light in a half picture, there is no still smaller picture, so `half_light` is false.
+    /// cast. A half picture has no half pictures of its own, so its workload's `half_light` is false.
     #[must_use]
     pub fn halved(&self) -> Self {
         Self { image_size: self.image_size.map(|pixels| pixels.div_ceil(2)), half_light: false, ..*self }

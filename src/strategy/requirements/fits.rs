@@ -53,8 +53,8 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
     Ok(())
 }
 
-/// Checks that 16-bit indices, if the layout uses them, reach every position, normal and material of the mesh. If the
-/// strategy uses a tree, also checks that the words in the tree's nodes can index every triangle.
+/// If the layout uses 16-bit indices, checks that 16 bits can index every position, normal and material of the mesh. If
+/// the strategy uses a tree, also checks that the words in the tree's nodes can index every triangle.
 pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
     let largest = workload.positions.max(workload.normals).max(workload.materials);
     if strategy.layout.index_bits() == Some(16) && largest > 1 << 16 {
@@ -73,9 +73,8 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     Ok(())
 }
 
-/// Checks that kernels can count the values of the heap for working vectors, and the entries of the queue of
-/// leftover shadow rays, if the strategy has a heap or a queue. A counter that overflows would give two
-/// work-items the same element.
+/// If the strategy has a heap for working vectors or a queue of leftover shadow rays, checks that kernels can count the
+/// heap's values and the queue's entries. A counter that overflows would give two work-items the same element.
 pub fn counters(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
     let [across, down] = workload.global_size(strategy).map(|items| items as u128);
     let each = u128::from(strategy.vectors.bytes_per_ray() / 4);
