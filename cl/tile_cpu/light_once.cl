@@ -36,9 +36,9 @@ uint bound_rays_once(const OncePixels *once, const Lighting *lighting, int light
 // Returns the value that belongs to one vector of rays, from an array of float16 with one lane for each vector of rays.
 #define VALUE_OF(array, vector) (((const float *)(array))[vector])
 
-// Computes the rays from a light to the samples of pixels that are shaded once. For the first light, `bundle` still has
-// the directions from the eye: the samples' hits are computed from these directions and, if there are more lights, kept
-// in `shaded`. Returns the vectors of rays that the light can reach, one bit each.
+// Computes the rays from a light to the samples of pixels that are shaded once. When the first light's rays are made,
+// `bundle` still has the directions from the eye. The samples' hits are computed from these directions. If there are
+// more lights, the hits are kept in `shaded`. Returns the vectors of rays that the light can reach, one bit each.
 uint make_rays_once(const OncePixels *once, const FrameSamples *samples, Bundle *bundle, Slices *slices,
                     const Lighting *lighting, int light, float4 eye, Shaded *shaded) {
     if (!once->vectors) return 0;
@@ -114,9 +114,10 @@ void add_light_once(OncePixels *once, const FrameSamples *samples, const Bundle 
     }
 }
 
-// For each pixel that is shaded once and not in `split`, computes the sum of its samples. Returns these pixels. In a
-// pixel of `split`, at least one light reaches only some of the samples: the radiance from the lights that reach all
-// samples (`once->sum`) is added to each sample in `sum`, and the caller adds up the samples.
+// For each pixel that is shaded once and is not in `split`, computes the sum of its samples, and stores it in `sums`.
+// Returns these pixels. In a pixel of `split`, at least one light reaches only some of the samples. The function adds
+// the radiance from the lights that reach all samples (`once->sum`) to each of this pixel's samples in `sum`. The
+// caller then adds up the samples.
 static uint sum_once(const OncePixels *once, const FrameSamples *samples, float4 *sums, Vec3 *sum) {
     for (uint left = once->vectors; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);

@@ -1,7 +1,7 @@
 // The rays from a light to a tile's hits.
 
-// The direction from hits to a light. (Inlined functions return no structures: to return one, LLVM would insert an
-// instruction that the simulator Oclgrind lacks.)
+// The direction from hits to a light. (Inlined functions write a structure to a pointer. If they returned the
+// structure, LLVM would insert an instruction that the simulator Oclgrind lacks.)
 typedef struct {
     Vec3 to_light;                  // the unit vector towards the light
     varying distance, per_distance; // the light's distance and its reciprocal
@@ -60,8 +60,9 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     if (!ANY(lit)) return lit;
     find_unblocked_radiance(lighting, light, shaded, &direction, lit, arriving);
     // The shadow ray starts at the light, so that all rays of the tile have a common origin again. All directions have
-    // length 1, not the lengths of the rays. Bounds of rounding errors are relative to the longest direction of the
-    // tile: with the rays' lengths, these bounds would be far too large for rays to hits near the light.
+    // length 1. Bounds of rounding errors are proportional to the length of the tile's longest direction. If a
+    // direction were as long as the way from the light to the hit, one distant hit would make these bounds far too
+    // large for hits near the light.
     bundle->x[vector] = -direction.to_light.x;
     bundle->y[vector] = -direction.to_light.y;
     bundle->z[vector] = -direction.to_light.z;
@@ -97,9 +98,9 @@ static void begin_light_rays(Bundle *bundle, Slices *slices, const Lighting *lig
     bundle->too_near = FAR;
 }
 
-// Computes the rays from a light to the hits of the vectors in `hit`. If neither soft nor emitted light is computed,
-// the hits are computed for the first light, and stored for the other lights. Returns the vectors with at least one
-// ray, one bit each.
+// Computes the rays from a light to the hits of the vectors in `hit`. In programs without soft and emitted light, the
+// hits are computed together with the first light's rays, and stored for the other lights. Returns the vectors with at
+// least one ray, one bit each.
 static uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting, int light,
                      float4 eye, uint hit, Shaded *shaded, Vec3 *arriving) {
     uint open = 0;
@@ -118,7 +119,8 @@ static uint make_light_rays(Bundle *bundle, Slices *slices, const SurfaceTree *t
     return open;
 }
 
-// Finds the scattered vectors of rays (whose hits lie far apart) in `open`, after all rays from a light have been made.
+// Finds the vectors of rays in `open` that are scattered: their hits lie far apart. This function is called after all
+// rays from a light have been made.
 void find_scattered(CAST_PARAMETERS Bundle *bundle, const Slices *slices, CAMERA_PARAMETERS, uint open) {
     const Uniform3 eye_to_light = uniform_difference(bundle->origin, uniform3(eye.x, eye.y, eye.z));
     const float block_side = (BLOCK_X >> SUBPIXEL_BITS) * pixel_side(step_x, step_y);

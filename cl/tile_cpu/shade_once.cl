@@ -1,7 +1,8 @@
 // Pixels that are shaded once. If a frame divides each pixel into 4 x 4 sub-pixels (see FrameSamples), a vector's rays
 // are the samples of one pixel. Mostly, all samples hit the same triangle, and their radiance hardly differs. A pixel
-// whose samples hardly differ is shaded only at their mean position, together with other pixels. In most variables
-// of this file, a lane belongs to a whole vector of rays (as in Slices), and so to one pixel, not to a ray.
+// whose samples hardly differ is shaded only once, at the mean position of its samples, together with other pixels. In
+// most variables of this file, a lane belongs to a whole vector of rays (as in Slices). Each lane thus belongs to one
+// pixel, not to one ray.
 //
 //     each sample shaded: a vector per pixel     pixels shaded once: a vector for 16 pixels
 //     pixel 0:   lane    0 1 2 3 4 ...           lane    0 1 2 3 4 ...
@@ -14,9 +15,9 @@
 
 // The largest estimated relative error of a pixel that is shaded once: a tenth of the tolerance of verification.
 #define ONCE_ERROR 1e-4f
-// In a part of the tile (16 vectors of rays, see PARTS), pixels are shaded once only if at least LEAST_ONCE pixels each
-// show a single triangle, which all samples of the pixel hit. For fewer pixels, it takes less time to shade each
-// sample.
+// A part of a tile (see PARTS) has up to 16 pixels, one per vector of rays. In at least LEAST_ONCE of these pixels, all
+// samples of the pixel must hit the same triangle; otherwise, no pixel of the part is shaded once. For fewer pixels, it
+// takes less time to shade each sample.
 #define LEAST_ONCE 3
 
 // The positions of a frame's samples in their pixel, in units of a pixel's side.
@@ -30,9 +31,9 @@ typedef struct {
 // The pixels that are shaded once.
 typedef struct {
     uint vectors;                    // the pixels that are shaded once, one bit each
-    uint split;                      // those of `vectors` for which some light reaches only a part of the samples
+    uint split;                      // the pixels of `vectors` in which a light reaches some samples, but not all
     varying sum[3][PARTS];           // red, green and blue from the lights that reach all samples
-    varying inverse_depth[3][PARTS]; // its dot product with a sample's direction is 1 / t of the sample's hit
+    varying inverse_depth[3][PARTS]; // a vector; 1 / t of a hit is its dot product with the ray's direction
     Shaded mean[PARTS];              // the hit at the mean position of the samples
     Vec3 low[PARTS], high[PARTS];    // the box that contains the hits of all samples
     varying radius[PARTS];           // an upper bound of the distance between a sample's hit and `mean`
@@ -69,8 +70,8 @@ SamplePositions sample_positions(const FrameSamples *samples) {
     return positions;
 }
 
-// Returns those of the vectors of rays in `hit` whose samples all hit the same triangle, one bit each. `triangles`
-// receives the triangles' indices in leaf order, one lane per vector; the lanes of other vectors get one of these
+// Finds the vectors of rays in `hit` whose samples all hit the same triangle, and returns one bit for each. `triangles`
+// receives the triangles' indices in leaf order, one lane per vector. The lanes of all other vectors get one of these
 // indices, too, so that every lane can load a triangle.
 static uint vectors_on_one_triangle(const FrameSamples *samples, const Bundle *bundle, uint hit, varying_int *triangles) {
     IntLanes index[PARTS];
@@ -170,19 +171,20 @@ typedef struct {
     varying glossy;          // the highlight's fraction of the radiance, where the highlight is brightest
 } LightAtPixel;
 
-// Returns an upper bound of the angle, per step, by which the direction to the light turns.
+// Returns an upper bound of the angle by which the direction to the light turns in one step, from a pixel to the next.
 static varying light_turn(const LightAtPixel *light, const PixelStep *step) {
     return length_of(step->point) * light->per_distance;
 }
 
-// Returns an upper bound of the angle, per step, by which the half vector between the directions to light and eye turns
-// relative to the normal.
+// Returns an upper bound of the angle by which the half vector turns relative to the normal in one step, from a pixel
+// to the next. The half vector lies halfway between the directions to the light and to the eye.
 static varying half_turn(const LightAtPixel *light, const PixelStep *step) {
     return (light_turn(light, step) + step->eye) * light->per_half + step->turn;
 }
 
-// Returns an upper bound of the second derivative of the radiance, per squared step from pixel to pixel and relative to
-// the radiance. The radiance is proportional to the reflectance times cosine / r^2, where r is the light's distance.
+// Returns an upper bound of the second derivative of the radiance, divided by the radiance. The derivative is with
+// respect to the position in the picture; the unit of length is one step, from a pixel to the next. The radiance is
+// proportional to the reflectance times cosine / r^2, where r is the light's distance.
 static varying second_derivative(const LightAtPixel *light, const PixelStep *step) {
     const varying to_light = light_turn(light, step), turn = half_turn(light, step), s = light->shininess;
     // `first` and `second` bound |g'| / g and |g''| / g for g = n . v / r^3 (v: hit to light). With respect to the
@@ -228,8 +230,9 @@ Mask bound_highlight(const Shaded *mean, Vec3 to_light, Uniform3 power, float re
     return !glossy | (fabs(cosine) > 2.0f * turn); // the highlight ends where the half vector leaves the surface
 }
 
-// Returns the pixels for which one light permits shading once: the light is on the same side of the surface for all
-// samples, and farther away than twice the bias, and shading once changes the radiance little.
+// Returns the pixels that one light allows to be shaded once. In such a pixel, all samples have the light on the same
+// side of the surface, and the light is farther away than twice the bias. Moreover, shading once changes the pixel's
+// radiance little.
 Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int number, const SamplePositions *samples,
                  const PixelStep *right, const PixelStep *below) {
     const Shaded *mean = once->mean + part;
@@ -250,14 +253,14 @@ Mask shade_alike(const OncePixels *once, int part, const Lighting *lighting, int
     // changes by less than the absolute value of the angle's cosine. The factor 4 leaves a margin.
     const varying turn = right->turn + below->turn + 2.0f * once->radius[part] * direction.per_distance;
     const Mask one_side = 4.0f * turn * light.per_cosine < 1.0f;
-    // The mean of a function differs from the function's value at the mean position by about half its second derivative
-    // times the variance of the positions.
+    // The mean of a function differs from the function's value at the mean position by about half the function's second
+    // derivative times the variance of the positions.
     const Mask alike = smooth & (0.5f * samples->variance * second < ONCE_ERROR);
     return one_side & (direction.distance > 2.0f * lighting->bias) & (!lit | alike);
 }
 
-// Finds the pixels that can be shaded once for all samples, and computes the hits at the mean positions of their
-// samples. `hit` has a bit for each vector with a hit.
+// Finds the pixels that can be shaded once, and computes for each of them the hit at the mean position of its samples.
+// `hit` has a bit for each vector with a hit.
 void find_once(OncePixels *once, const FrameSamples *samples, const Bundle *bundle, const SurfaceTree *tree,
                const Lighting *lighting, CAMERA_PARAMETERS, uint hit) {
     once->vectors = once->split = 0;

@@ -9,16 +9,17 @@
 // The smallest value of 1 / t: a lower bound of 1 / t keeps t finite.
 #define LEAST_INV_T 1e-37f
 
-// The reciprocals of the components of a tile's directions lie between low and high, except along *mixed* axes. Along a
-// mixed axis, components of both signs, or zeros, occur, and each reciprocal is less than low or greater than high.
+// Bounds of the reciprocals of the components of a tile's directions. An axis is *mixed* if components of both signs,
+// or zeros, occur along it. Along a mixed axis, each reciprocal is less than low or greater than high. Along all other
+// axes, the reciprocals lie between low and high.
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
 } TileInterval;
 
 // An interval for each vector of rays, with one lane per vector. At first, the intervals contain directions;
-// finish_slices converts them to intervals of reciprocals, as in a TileInterval. Lanes without rays have the interval
-// from FAR to -FAR.
+// finish_slices converts them to intervals of reciprocals, as in a TileInterval. Lanes without rays have the empty
+// interval from FAR to -FAR.
 typedef struct {
     float16 low[3][PARTS], high[3][PARTS];
     float16 reach[PARTS]; // the largest t at which something can be hit
@@ -46,14 +47,15 @@ typedef uint16 ChildWords;
 #endif
 #define UNUSED_CHILD ((uint)UNUSED_WORD)
 
-// The boxes of a node's children, relative to the rays' origin. Rays enter at `near` and leave at `far`; along mixed
-// axes, some do the opposite. `entry` is a lower bound of the t at which the tile's rays enter a child's box.
+// The boxes of a node's children, relative to the rays' origin. Rays enter a box at the side `near` and leave it at
+// `far`; along mixed axes, some rays do the opposite. `entry` is a lower bound of the t at which the tile's rays enter
+// a child's box.
 typedef struct {
     float near[3][NODE_WIDTH], far[3][NODE_WIDTH];
     Children entry;
 } Boxes;
 
-// Converts intervals of directions to intervals of their reciprocals, and extends the results by more than the rounding
+// Converts intervals of directions to intervals of their reciprocals, and widens the results by more than the rounding
 // error. 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
 // half-lines. Reciprocals of ends at zero are stored as FAR or -FAR. Empty intervals (low > high) stay empty.
 static void invert_intervals(float16 *low, float16 *high) {
@@ -136,8 +138,9 @@ uint children_overlap(const TileInterval *interval, Uniform3 origin, const __glo
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (interval->mixed[axis]) {
-            // Along a mixed axis, rays with 1/d >= high enter at `near`, those with 1/d <= low at `far`. A product is
-            // positive only if its side faces the origin. If the origin lies between the sides, no product is positive.
+            // Along a mixed axis, rays with 1/d >= high enter the box at `near`, and rays with 1/d <= low at `far`.
+            // Each of the two products is positive only if the outside of its side faces the origin. If the origin lies
+            // between the two sides, no product is positive.
             entry = max(entry, max(near * interval->high[axis], far * interval->low[axis]));
         } else {
             // A ray crosses a side at t = side * (1 / d). The earliest entry and the latest exit occur at ends of the
@@ -161,7 +164,7 @@ static uint slices_overlap(const Slices *slices, const TileInterval *interval, c
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];
             const float16 near = (float16)(boxes->near[axis][child]), far = (float16)(boxes->far[axis][child]);
             float16 first = min(near * low, near * high), last = max(far * low, far * high);
-            if (interval->mixed[axis]) { // mixed vectors: as in children_overlap; others may run in either direction
+            if (interval->mixed[axis]) { // the rays of a vector that is not mixed may run in either direction
                 const int16 mixed = (low < 0.0f) & (high > 0.0f);
                 first = SELECT(mixed, max(near * high, far * low), min(first, min(far * low, far * high)));
                 last = SELECT(mixed, (float16)(FAR), max(last, max(near * low, near * high)));
@@ -193,10 +196,10 @@ static float furthest(const Slices *slices) {
 static void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
     for (; changed; changed &= changed - 1) {
         const int vector = LOWEST_BIT(changed);
-        // The reach of a vector of rays is the largest t of its rays: that of the ray with the smallest 1 / t.
+        // The reach of a vector of rays is the largest t of its rays. This ray has the smallest 1 / t.
         const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
-            // The lane of the vector of rays is selected by comparing lanes' numbers with the vector's number. Writing
+            // The statement compares all lanes' numbers with the vector's number, to select the vector's lane. Writing
             // the lane by its index would move `slices` from registers to memory.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
     }

@@ -1,6 +1,6 @@
-// Rays of a tile without a common origin: to points of a light with an extent, and to the sky. Rays to a light are cast
-// in vectors of 16 rays, which traverse the tree together, as a packet. Rays to the sky that meet the box of a child of
-// the root traverse the tree one by one (single_ray.cl).
+// Rays of a tile without a common origin: to points of a light with an extent, and to the sky. The 16 rays of a vector
+// to points of a light traverse the tree together, as a packet. Rays to the sky are first tested against the boxes of
+// the root's children. Those that meet a box traverse the tree one by one (single_ray.cl).
 
 #include "cast/bvh_node.cl"
 
@@ -29,8 +29,8 @@ uint packet_enters(const PacketBounds *bounds, const __global float *node, float
     for (int axis = 0; axis < 3; axis++) {
         if (bounds->mixed[axis]) continue;
         const int negative = bounds->negative[axis];
-        // Along this axis, the rays' origins lie in an interval. A ray from the end of the interval that is nearer to
-        // the box enters the box first; a ray from the other end leaves it last.
+        // Along this axis, the rays' origins lie in an interval. Rays that start at the interval's end nearest to the
+        // box enter the box first; rays that start at the opposite end leave the box last.
         const float first = negative ? bounds->low[axis] : bounds->high[axis];
         const float last = negative ? bounds->high[axis] : bounds->low[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - first;
@@ -55,7 +55,8 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 direction, varying t_max, Mas
     int waiting = 0;
     for (;;) {
         if (IS_LEAF(word)) {
-            // All rays are tested against each triangle. A ray that has been stopped enters no more boxes.
+            // All rays of the packet are tested against each triangle. Rays that a triangle has stopped enter no more
+            // boxes (see own_reach).
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int index = first; index < end; index++)
                 open &= !SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, index), leaf_corners(tree, index), from,
