@@ -72,7 +72,7 @@ typedef struct {
     Uniform3 origin;
     float too_near; // hits with this 1 / t, or with a larger one, are too near: they are ignored
     float longest;  // an upper bound of the absolute values of the directions' components
-    varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions: from the eye of depth 1, from a light of length 1 or less
+    varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions: depth 1 for rays from the eye, length <= 1 from a light
     varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished
     varying_int leaf_index[VECTORS]; // the nearest triangle so far, as an index in leaf order
     // The middles and half widths of the intervals of directions of the vectors of rays, one lane per vector
@@ -98,10 +98,11 @@ typedef struct {
     Normals normals;
 } SurfaceTree;
 
-// If a picture has several samples per pixel, a frame casts one sample of each pixel, or up to 4, or up to 16. With
-// more than one sample, a pixel is divided into sub-pixels, 2 or 4 across and down, each with room for one ray. A tile
-// keeps its number of rays, so a tile of 512 rays covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel lie
-// closer to each other than rays of neighbouring pixels, so that a tile visits fewer nodes and triangles per ray.
+// If a picture has several samples per pixel, a frame adds one sample to each pixel, or up to 4, or up to 16. If a
+// frame adds more than one sample, a pixel is divided into sub-pixels, 2 or 4 across and down, each with room for one
+// ray. A tile keeps its number of rays, so a tile of 512 rays covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same
+// pixel lie closer to each other than rays of neighbouring pixels, so that a tile visits fewer nodes and triangles per
+// ray.
 //
 //     a vector's rays  bits 0: 4 x 4 pixels   bits 1: 2 x 2 pixels   bits 2: one pixel
 //     (each number is  0 0 0 0                0 1 0 1                 0  1  2  3

@@ -1,7 +1,9 @@
-// The kernels of a frame that is cast in tiles: one kernel for the frame, or one for nearest hits and one for shading.
+// Kernels that render a frame tile by tile: either one kernel for the whole frame, or one kernel that finds the nearest
+// hits and another kernel that shades them.
 
 // Finds the nearest hits of the rays from the eye, and stores the triangles' indices in leaf order in the bundle (the
-// tile's rays). Returns 1, or 0 if no ray of the tile can hit the scene; the function then computes no rays.
+// tile's rays). If no ray of the tile can hit the scene, the function computes no rays, and returns 0. Otherwise, it
+// returns 1.
 int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
     // First, only the intervals of directions are tested, which costs far less than testing each ray of the tile.
@@ -92,7 +94,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
 #endif
 
 #if FUSED
-// Casts a whole frame.
+// Renders a whole frame.
 __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
     BIND_SAMPLES
     LEAVE_OUTSIDE(image_size)
@@ -107,8 +109,8 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
 }
 #else
 
-// Returns the index at which the tile's part of `nearest` begins. `nearest` is ordered by tiles and not by pixels,
-// since only the pass that shades reads it.
+// Returns the index at which the tile's part of `nearest` begins. The buffer `nearest` is ordered by tiles and not by
+// pixels. Only the shading kernel reads this buffer, tile by tile.
 size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_global_id(0)) * (TILE_X * TILE_Y); }
 
 // For every ray from the eye, stores the nearest triangle's index in leaf order, or NO_HIT.

@@ -69,7 +69,7 @@
 typedef struct {
     float x[RAYS], y[RAYS]; // the rays' slopes: x and y per unit of z
     float nearest[RAYS];  // 1/z of the nearest hit so far, or of the ray's end
-    float ceiling[RAYS];  // nearer hits are ignored: those at this 1/z or more
+    float ceiling[RAYS];  // hits at this 1/z, or at a larger 1/z, are too near and are ignored
     int leaf_index[RAYS]; // the nearest triangle so far, as an index in leaf order
 #if CUTOUTS
     Vec3 point[RAYS]; // the points of Directions, in coordinates along the pass's axes
@@ -117,10 +117,10 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
     return fmax(across, down) < FAR ? fmax(across, down) : fmin(across, down);
 }
 
-// Begins a pass, in which rays walk the tree together: chooses a leading ray, which determines the pass's axis, finds
-// the rays of `todo` that belong to the pass, and computes their shaft and packet. With `close`, only rays close to the
-// leading ray's direction belong to the pass. Returns which of this lane's rays belong to the pass, one bit each. The
-// leading ray always belongs to its pass, unless its direction is zero or not a number (NaN).
+// Begins a pass, in which rays walk the tree together. Chooses a leading ray, which determines the pass's axis. Finds
+// the rays of `todo` that belong to the pass, and computes the shaft and the packet of these rays. With `close`, only
+// rays close to the leading ray's direction belong to the pass. Returns which of this lane's rays belong to the pass,
+// one bit each. The leading ray always belongs to its pass, unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Directions *directions, uint todo,
                         const int close, Shaft *shaft, RayPacket *packet) {
     // All lanes choose the same lane, `leader`. The first remaining ray of the lane `leader` determines the pass's

@@ -1,6 +1,6 @@
-// Casts rays from the eye in tiles, each owned by a group of 32 work-items, and finds their nearest hits. shadow.cl
-// casts shadow rays, for a limited number of lights at a time (a round of lights). shade.cl casts leftover shadow rays,
-// and shades the hits.
+// Casts rays from the eye, and finds their nearest hits. The rays of a tile are cast by a group of 32 work-items.
+// shadow.cl casts shadow rays, for a limited number of lights at a time (a round of lights). shade.cl casts leftover
+// shadow rays, and shades the hits.
 
 // The tiles of a work-group form two columns if their number is even, else one column. In two columns, the tiles are
 // closer to each other, and therefore read more of the same nodes of the tree.
@@ -9,8 +9,9 @@
 #endif
 #define TILES_DOWN (LOCAL_Y / TILES_ACROSS)
 
-// A frame may cast several samples of each pixel. The frame's rays then form a grid that is finer than the image: each
-// pixel has 2^bits columns and 2^bits rows of rays. If `bits` is 2, the samples of a pixel lie in the grid like this:
+// A frame may cast several rays through each pixel, one per sample. The frame's rays then form a grid that is finer
+// than the image: each pixel has 2^bits columns and 2^bits rows of rays. If `bits` is 2, the samples of a pixel lie in
+// the grid like this:
 //
 //      0  1  2  3
 //      4  5  6  7      A tile of 8 x 8 rays then covers 2 x 2 pixels: the finer the grid, the
@@ -192,11 +193,11 @@ INLINED void camera_directions(Group *group, CAMERA_PARAMETERS, int2 grid, Direc
     directions->per_end = 0.0f;
 }
 
-// The largest number of passes: at most one for each of the two directions of each axis. A pass takes all rays whose
-// component along the pass's axis is more than `ALONG_AXIS` times the direction's 1-norm. The ray that determines a
-// pass's axis has its largest component along this axis: at least a third of the 1-norm (the sum of the components'
-// absolute values). A pass therefore takes all rays that could begin another pass with the same axis and the same
-// direction along it. Rays whose direction is not a number (NaN) belong to no pass.
+// The largest number of passes of a tile: one for each of the two directions of each of the three axes. A pass takes
+// all rays whose component along the pass's axis is more than `ALONG_AXIS` times the direction's 1-norm. The ray that
+// determines a pass's axis has its largest component along this axis: at least a third of the 1-norm (the sum of the
+// components' absolute values). A pass therefore takes all rays that could begin another pass with the same axis and
+// the same direction along it. Rays whose direction is not a number (NaN) belong to no pass.
 #define MOST_PASSES 6
 
 // For each of a tile's rays from the eye, finds the nearest triangle and stores the triangle's index in leaf order, or

@@ -7,8 +7,8 @@
 // cast after the tiles, one at a time, each by a whole group of 32 lanes.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
-// A lane's word contains the results of the lane's shadow rays: a bit for each pair of a light (of the round of lights)
-// and a ray (of the lane), ordered by light. The word's size limits the number of lights per round. A pixel's word
+// A lane's word contains the results of the lane's shadow rays. For each light of the round of lights, the word has one
+// bit for each of the lane's rays from the eye. The word's size limits the number of lights per round. A pixel's word
 // contains the results for one ray of the lane: every RAYS-th bit of the lane's word, one for each light. Bit 31 of a
 // pixel's word is set if some of the pixel's shadow rays are leftover shadow rays.
 #ifndef LIGHTS_OF_ROUND
@@ -39,7 +39,7 @@ typedef struct {
     float t;
 #endif
 #if SOFT
-    EyeRay pixel; // with soft light, a frame casts one sample of each pixel, so the grid's rays are the image's pixels
+    EyeRay pixel; // with soft light, the grid of rays has one ray per pixel of the image
 #endif
 } SurfacePoint;
 

@@ -1,6 +1,6 @@
-// Rays without a common origin: to points of a light with a radius or edges, and to the sky. No tile casts them. They
-// are leftover shadow rays, which a group casts one at a time: each lane tests a child of a node or a triangle of a
-// leaf.
+// Rays without a common origin: to points of a light with a radius or edges, and to the sky. No tile casts these rays.
+// They are leftover shadow rays, which a group of 32 lanes casts one at a time. Each lane of the group tests the ray
+// against one child of a node, or one triangle of a leaf.
 
 // The sources of light: the scene's lights and, after the last light, the sky. `light_count` is the number of the
 // scene's lights, and `first_light` is the first light of the round of lights (see shadow.cl). In this file, `light` is
@@ -54,8 +54,8 @@ INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 direction
     return stopped;
 }
 
-// The ray that a pixel's sample casts from the hit to a point of a light, or to the sky: its unit direction and its
-// length.
+// The shadow ray of a pixel's sample: its unit direction and its length. The ray runs from the hit to a point of a
+// light, or to the sky.
 typedef struct {
     Vec3 direction;
     float distance;

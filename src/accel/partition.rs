@@ -15,10 +15,11 @@ pub(super) fn partition<const N: usize>(items: &mut [impl Boxed], slicer: &Slice
     }
 }
 
-/// Moves the items on the left side of the cut to the front, and returns their number. The function exchanges
-/// each item in turn with the first of the previous items that lies on the right side of the cut. If the
-/// exchanged item itself lies on the right side, the exchange reorders only the items on this side. The function does
-/// not skip the items on the right side, because the processor would often mispredict a branch that skips items.
+/// Moves the items on the left side of the cut to the front, and returns their number. The function takes one item
+/// after another, the item `at`. It exchanges this item with the item `left`, the first of the previous items that lies
+/// on the right side of the cut. If the item `at` lies on the right side, too, the exchange reorders only items on the
+/// right side. The function does not skip the items on the right side, because the processor would often mispredict a
+/// branch that skips items.
 ///
 /// ```text
 ///   0         left        at            the end

@@ -1,5 +1,5 @@
-//! The input of the OpenCL compiler: source text and options, with a hash of both. They depend on the strategy and
-//! on the workload (the properties of a scene, an image and a work-group that determine the program).
+//! The input of the OpenCL compiler: source text and options, with a hash of both. Source text and options depend on
+//! the strategy and on the workload (the properties of a scene, an image and a work-group that determine the program).
 
 use super::defines::value_of;
 use super::source::Joiner;

@@ -21,10 +21,10 @@
 // tile_gpu/intersect/edge_planes.cl has half of the usual overlap, too, and explains why.
 #define OVERLAP 0.5f
 
-// Bounds four linear functions at once: a triangle's three planes and 1/z. `plane` has the four functions' coefficients
-// of one slope (x or y per unit of z), which lies between `low` and `high`. Returns, for each function, `rest` plus the
-// largest value of the coefficient times the slope. For a coefficient p, the largest value is p times the middle of the
-// interval, plus |p| times half the interval's width.
+// Bounds four linear functions at once: a triangle's three planes and 1/z. `plane` has, for each of the four functions,
+// the coefficient of one slope (x or y per unit of z). This slope lies between `low` and `high`. Returns, for each
+// function, `rest` plus the largest value of the coefficient times the slope. For a coefficient p, the largest value is
+// p times the middle of the interval, plus |p| times half the interval's width.
 INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
     const float middle = 0.5f * (low + high), half_width = 0.5f * (high - low);
     float4 most;
@@ -76,8 +76,8 @@ INLINED int is_hit(const Candidate *triangle, float x, float y, float nearest, f
 
 // Each work-item computes the planes of one triangle for one origin. Dimension 0 of the index space numbers the
 // triangles, dimension 1 the origins from `first_origin` on. Origin 0 is the eye; all others are lights of a round of
-// lights (see shadow.cl). The kernel also empties the queue of shadow rays that tiles leave over, which saves a
-// separate command.
+// lights (see shadow.cl). The kernel also empties the queue of leftover shadow rays, so that no separate command is
+// needed for this.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     const int index = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;

@@ -19,8 +19,8 @@ INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale
 }
 
 // Returns the absolute value of the factor by which an edge's plane is multiplied: 1 / the overlap of neighbouring
-// triangles, where the overlap is rounded down to a power of two. `size` is the edge's size, `longer` that of the
-// longer of the edges e1 and e2, and `slack` the overlap divided by an edge's size.
+// triangles, where the overlap is rounded down to a power of two. `size` is the edge's size (1-norm), and `longer` is
+// the size of the longer one of the edges e1 and e2. `slack` is the overlap divided by an edge's size.
 INLINED float per_overlap(float slack, float size, float longer) {
     const float overlap = slack * min(longer, OVERLAP_EDGES * size);
     return as_float(0x7f000000 - (as_int(overlap) & 0x7f800000)); // the exponent e + 127 becomes 127 - e: 1 / 2^e

@@ -6,8 +6,8 @@ use super::token::{Kind, Token};
 use super::value::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What conditions ask about the compiler, such as whether it defines a macro: the answers that raycl knows, and
-/// the questions without an answer.
+/// Questions that conditions ask about the compiler, such as whether the compiler defines a macro. Contains the answers
+/// that raycl knows, and the questions without an answer.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Compiler {
     /// The compiler's answer to each question. A question is `defined(NAME)`, `__has_builtin(NAME)`, or the name

@@ -1,5 +1,5 @@
 //! Expands macro calls as in C99 6.10.3: arguments are expanded first, the result is scanned again, and no
-//! macro is expanded within its own expansion. So that a macro is not expanded within its own expansion, each
+//! macro is expanded within its own expansion. To find out whether a call lies within the macro's own expansion, each
 //! token has a list of the macros from which the token came (Prosser's algorithm).
 
 use super::macros::{Macro, Macros};

@@ -4,7 +4,7 @@
 /// The value of an integer expression in a condition; 0 by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Value {
-    /// The bits of the value; those of a negative value are its two's complement.
+    /// The bits of the value; a negative value is stored in two's complement.
     pub bits: u64,
     /// True if the value is of an unsigned type, so that it is never negative.
     pub is_unsigned: bool,
