@@ -20,8 +20,8 @@ static void fetch_child(const Tree *tree, uint word) {
 // Pushes onto the stack those children of a node that a vector of rays in `live` meets. The nearest child is on top of
 // the stack, unless `any` is 1 (then, the order of children does not matter). `reach` is the largest t at which a ray
 // of the tile can hit something. Returns the new number of the stack's entries. Unless `any` is 1, the function finds a
-// child's place in the stack by counting the pushed children that the tile enters later: they are below this child. An
-// example with three children, entered at t = 5, 2 and 9:
+// child's place in the stack by counting the pushed children that the tile enters later, since these lie below the
+// child in the stack. An example with three children, entered at t = 5, 2 and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const TileInterval *interval, const SurfaceTree *tree,

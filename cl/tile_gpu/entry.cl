@@ -100,10 +100,10 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 #include "tile_gpu/intersect/{intersector}.cl"
 
 // Estimates how far the rays of neighbouring lanes are from the leading ray of a pass. (The leading ray determines the
-// pass's axis.) `leader` is the lane of the leading ray. In each lane, only the ray with the leading ray's number
-// counts. `distance` is the distance of this ray from the leading ray, measured in slopes (x and y per unit of z), or
-// FAR if the ray cannot join the pass. The function takes the nearer of the two neighbours in the row of the lane
-// `leader`, and the nearer of the two neighbours in the column of this lane. It returns the larger of these two
+// pass's axis.) `leader` is the lane of the leading ray. Of each lane's rays, only the ray with the same number as the
+// leading ray counts. `distance` is the distance of this ray from the leading ray, measured in slopes (x and y per unit
+// of z), or FAR if the ray cannot join the pass. The function takes the nearer of the two neighbours in the row of the
+// lane `leader`, and the nearer of the two neighbours in the column of this lane. It returns the larger of these two
 // distances. If only the row or only the column has a neighbour with a ray, the function returns the distance of this
 // neighbour's ray; if neither has one, it returns FAR. The lanes form a block of 8 x 4, so the indices of neighbours
 // differ by 1 in a row, and by 8 in a column. At the block's edge, the index wraps around to the opposite edge.

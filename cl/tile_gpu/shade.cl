@@ -40,9 +40,9 @@ INLINED uint cast_leftover(SOURCES_PARAMETER Group *group, const Tree *tree, con
     return reached;
 }
 
-// A loop over the entries of the queue of leftover shadow rays that one group casts. `groups` groups share the queue;
-// the group casts every `groups`-th entry from `first` on. The step is never larger than the rest of the queue, so that
-// `i` cannot overflow.
+// A loop of one group of lanes over its entries of the queue of leftover shadow rays. `groups` groups share the queue.
+// Each of them casts every `groups`-th entry, from its own `first` on. The step is never larger than the rest of the
+// queue, so that `i` cannot overflow.
 #define FOR_QUEUED(i, first, groups, count) for (uint i = first; i < count; i += min(groups, count - i))
 
 // Returns the ray from the eye that has the index `index` (see index_of).
@@ -80,8 +80,9 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
 #define EMITS_PARAMETER
 #define EMITS_ARGUMENT
 #endif
-// HAS_LIGHT is not 0 if a pixel may get light in a round of lights: from lights that reach it, its own surface, or the
-// picture of the sky. Shiny surfaces mirror the picture of the sky in the round of lights that includes the sky.
+// HAS_LIGHT is not 0 if a pixel may get light in a round of lights: from lights that reach the pixel's hit, from a
+// surface that emits light, or from the picture of the sky. Shiny surfaces mirror the picture of the sky in the round
+// of lights that includes the sky.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
 #define HAS_LIGHT(reached, leaf_index) \

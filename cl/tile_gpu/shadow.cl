@@ -131,7 +131,7 @@ INLINED Vec3 direction_to_hit(SurfacePoint surface_point, Vec3 offset, float bia
 #include "tile_gpu/soft.cl"
 #endif
 // The additional parameter of functions in programs with soft light, including the comma after the parameter.
-#if SOFT // with soft light, a frame casts one sample of each pixel
+#if SOFT // with soft light, a frame adds one sample to each pixel
 #if SAMPLED
 #define BIND_LANE_SAMPLE own_sources.soft.lane_sample = 0;
 #else

@@ -3,7 +3,8 @@
 use super::{Bvh, Node, WideBvh};
 use crate::scene::Mesh;
 
-/// The result of checking a tree: an error with a message about the first problem, if the tree has a problem.
+/// The result of checking a tree. If the tree has a problem, the result is an error with a message about the first
+/// problem.
 type Verdict = Result<(), String>;
 
 impl Bvh {

@@ -207,9 +207,9 @@ impl WideBvh {
 
     /// Appends the wide trees `parts`. Each part was made from the subtree below one inner child of the root;
     /// the parts have the order of these children. The root of a part replaces the placeholder node that
-    /// stands for the child; the other nodes of the part are appended. All threads copy, and
-    /// thereby share the cost of new memory: when a page is first written, the system fills the page with zeros,
-    /// which takes longer than copying.
+    /// stands for the child; the other nodes of the part are appended. All threads copy, so that they share the cost of
+    /// new memory. When a page of memory is first written, the system fills the page with zeros, which takes longer
+    /// than copying.
     fn append(&mut self, parts: Vec<Self>) {
         let (width, stride, own) = (self.width, self.stride, self.nodes.len());
         self.depth = parts.iter().map(|part| part.depth + 1).fold(self.depth, u32::max);

@@ -6,15 +6,15 @@
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // Triangles are prepared once for all rays of a tile, eight at a time, each in one lane. Let Q and P be two successive
-// corners, relative to the rays' origin. The plane through Q, P and the origin has the normal (P - Q) x (P + Q) = 2 P x
-// Q. A ray with the direction d lies on the edge's inner side if d . normal has the same sign as the triangle's height
-// (see below). The neighbouring triangle has the same plane for the shared edge, with the opposite sign, to the last
-// bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip through, so neighbouring
-// triangles overlap a little: after the planes are scaled, 1 is added to each dot product. Let e1 and e2 be two of the
-// triangle's edges. If a ray meets the triangle's plane at t, d . (e2 x e1) times t is the triangle's height, the same
-// for all rays. A hit lies in front of the ray's origin if d . (e2 x e1) and the height have the same sign. All planes,
-// and the normal e2 x e1, are multiplied by the sign of the height when they are prepared, not at each test. The number
-// `a` is the dot product of d and this normal, so it is positive for hits in front of the origin.
+// corners, relative to the rays' origin. The plane through Q, P and the origin has the normal (P - Q) x (P + Q) = 2
+// P x Q. A ray with the direction d lies on the edge's inner side if d . normal has the same sign as the triangle's
+// height (see below). The neighbouring triangle has the same plane for the shared edge, with the opposite sign, to the
+// last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip through, so
+// neighbouring triangles overlap a little: after the planes are scaled, 1 is added to each dot product. Let e1 and e2
+// be two of the triangle's edges. If a ray meets the triangle's plane at t, d . (e2 x e1) times t is the triangle's
+// height, the same for all rays. A hit lies in front of the ray's origin if d . (e2 x e1) and the height have the same
+// sign. All planes, and the normal e2 x e1, are multiplied by the sign of the height when they are prepared, not at
+// each test. The number `a` is the dot product of d and this normal, so it is positive for hits in front of the origin.
 
 #define PREPARED TOGETHER
 
@@ -46,10 +46,10 @@ static void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
 
 // Returns, for each of eight triangles, 1 / overlap, with the sign bit `sign`: the factor for the plane of one edge.
 // `size` is the edge's size (1-norm), and `longer` is the size of the longer one of e1 and e2. `slack` is the overlap
-// (see SHARED_EDGE_SLACK) divided by the edge's size; the overlap has the unit of the dot products. A float is | sign:
-// bit 31 | exponent: 30 to 23 | digits: 22 to 0 |. The mask 0x7f800000 rounds the overlap down to a power of two;
-// dividing by this power does not round. The overlap is at least FLT_MIN, so its exponent is not 0, and no division is
-// by 0. The factor makes the rounded overlap 1.
+// (see SHARED_EDGE_SLACK) divided by the edge's size; the overlap has the unit of the dot products. A float consists of
+// the sign (bit 31), the exponent (bits 30 to 23) and the digits (bits 22 to 0). The mask 0x7f800000 rounds the overlap
+// down to a power of two; dividing by this power does not round. The overlap is at least FLT_MIN, so its exponent is
+// not 0, and no division is by 0. The factor makes the rounded overlap 1.
 static float8 per_overlap(float8 slack, float8 size, float8 longer, int8 sign) {
     const float8 overlap = max(slack * min(longer, OVERLAP_EDGES * size), FLT_MIN);
     return as_float8(as_int8(1.0f / as_float8(as_int8(overlap) & 0x7f800000)) | sign);

@@ -14,7 +14,8 @@
 //     y's array   u.y  v.y  w.y  (1/z).y   ...
 //     z's array   u.z  v.z  w.z  (1/z).z
 //
-// For rays mainly along x, the table's arrays serve in the order y, z, x: permuting axes costs no instruction.
+// For rays that run mainly along x, the table's arrays are read in the order y, z, x. Permuting the axes therefore
+// costs no instruction.
 #include "common/planes_of_origin.cl"
 
 // The overlap of neighbouring triangles, in units of the usual overlap, which planes_of scales to 1.

@@ -103,9 +103,9 @@ impl Layout {
     }
 }
 
-/// Removes each comment that is followed only by directives and comments, up to the next empty line or to the end of
-/// the file's lines, if the last of them is a directive. Such a comment describes definitions that the preprocessor
-/// has removed.
+/// Removes comments that describe definitions which the preprocessor has removed. After such a comment, only directives
+/// and comments follow, up to the next empty line or the end of the file's lines. The last of these lines is a
+/// directive.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
     let mut remaining = Vec::new();
     // True if all rows between the loop's current row and the next empty line are directives, or comments
