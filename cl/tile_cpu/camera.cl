@@ -58,8 +58,8 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
 }
 
 // Computes, for each vector of rays, the interval of one component (x, y or z) of the directions corner + x step_x + y
-// step_y. The interval is extended by a bound of the rounding error. The arguments `x` and `y` are the lower bounds
-// (see BlockRays) of the positions of each vector's rays.
+// step_y. The interval is widened by a bound of the rounding error. The arguments `x` and `y` are the lower bounds (see
+// BlockRays) of the positions of each vector's rays.
 static void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays, float16 x, float16 y, float16 *low,
                 float16 *high) {
     // The component is linear in x and y, so its smallest and largest values lie at corners of the rectangle that

@@ -3,7 +3,7 @@
 // shadow rays, and shades the hits.
 
 // The tiles of a work-group form two columns if their number is even, else one column. In two columns, the tiles are
-// closer to each other, and therefore read more of the same nodes of the tree.
+// closer to each other, so more of the nodes that they read are the same.
 #ifndef TILES_ACROSS
 #error "TILES_ACROSS: tiles of a work-group side by side"
 #endif
@@ -103,7 +103,7 @@ INLINED uint own_tile(Group *group, const __global uint *rough, int rough_count)
     BIND_MASKS(tree)        \
     PLANES_OF_TREE
 
-// A ray from the eye: its position in the grid of the frame's rays, and whether it is cast.
+// A ray from the eye: its position (x, y) in the grid of the frame's rays, and whether the ray is cast (`inside`).
 typedef struct {
     int x, y, inside;
 #if SAMPLED

@@ -140,7 +140,7 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
     return sum;
 }
 
-// The additional parameters of shading with textures, including the comma after them.
+// The additional parameters of functions that shade with textures, including the comma after the parameters.
 #if TEXTURES
 #define TEXTURE_PARAMETERS const __global float4 *texture_rows, const __global uint *texture_words, float4 cone,
 #define TEXTURE_ARGUMENTS texture_rows, texture_words, cone,
@@ -148,7 +148,7 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #define TEXTURE_PARAMETERS
 #define TEXTURE_ARGUMENTS
 #endif
-// The additional parameter of shading with colours of corners, including the comma after it.
+// The additional parameter of functions that shade with colours of corners, including the comma after the parameter.
 #if CORNER_COLOURS
 #define COLOUR_PARAMETER const __global uint *corner_colours,
 #define COLOUR_ARGUMENT corner_colours,
@@ -246,7 +246,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             uint reached = cast_leftover(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, eye_ray,
                                          leaf_index, lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
-                // Adds the lights whose shadow rays a tile has cast and found unblocked.
+                // Adds the lights whose shadow rays were cast by a tile, and are not blocked.
                 reached |= lit[entry.x] & ~SOME_LEFTOVER;
                 float4 sum = first_light ? (float4)(0.0f) : dark;
                 shade_pixel(SHADE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,
@@ -279,7 +279,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             }
             EACH_RAY(ray) {
                 const EyeRay eye_ray = sample_in_row(&group, row, ray, sample, grid);
-                // In the first round of lights, a pixel begins as background or dark surface; later rounds add light.
+                // In the first round of lights, a pixel begins as background or as a surface without light.
                 if (!first_light) sum[ray] += leaf_index[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
                 if (HAS_LIGHT(reached[ray], leaf_index[ray]))
                     shade_pixel(SHADE_ARGUMENTS &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,

@@ -228,13 +228,13 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float *
 }
 #endif
 
-// Adds this lane's ray from the eye to the queue if the ray has leftover shadow rays. `lights` has a bit for the light
-// of each leftover shadow ray. One lane reserves the queue's entries for all lanes of the group.
+// Adds this lane's ray from the eye to the queue if the ray has leftover shadow rays. In `lights`, the bits of the
+// leftover shadow rays' lights are set. One lane reserves the queue's entries for all lanes of the group.
 INLINED void enqueue(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue,
                      __global uint *queued) {
     const uint enqueuing = lane_ballot(group, lights != 0);
-    // The function continues even if no lane has a ray to enqueue: with barriers, one compiler fails after an early
-    // return.
+    // The function continues even if no lane has a ray to enqueue. (One compiler fails if a function with barriers
+    // returns early.)
     uint first = 0;
     // One atomic operation per group is enough: a lane with a ray to enqueue finds its place in the queue by its rank
     // among such lanes.
@@ -296,7 +296,7 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float *surf
     results.queue = queue; \
     results.queued = queued;
 
-// Casts the shadow rays of the nearest hits.
+// Casts the shadow rays from the lights of one round of lights to the nearest hits.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
     STACK_LOCALS
     LEAF_LOCALS
@@ -314,8 +314,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
 }
 
 #if FUSED
-// Casts rays from the eye, then shadow rays. While the last tiles cast rays from the eye, other tiles already cast
-// shadow rays.
+// Casts rays from the eye, then shadow rays. While the last tiles' rays from the eye are cast, the shadow rays of other
+// tiles are already cast, too.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_CAST_PARAMETERS) {
     STACK_LOCALS
     LEAF_LOCALS

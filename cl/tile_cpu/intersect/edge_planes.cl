@@ -6,15 +6,16 @@
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // Triangles are prepared once for all rays of a tile, eight at a time, each in one lane. Let Q and P be two successive
-// corners, relative to the rays' origin. The plane through Q, P and the origin has the normal (P - Q) x (P + Q) = 2
-// P x Q. A ray with the direction d lies on the edge's inner side if d . normal has the same sign as the triangle's
-// height (see below). The neighbouring triangle has the same plane for the shared edge, with the opposite sign, to the
-// last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip through, so
-// neighbouring triangles overlap a little: after the planes are scaled, 1 is added to each dot product. Let e1 and e2
-// be two of the triangle's edges. If a ray meets the triangle's plane at t, d . (e2 x e1) times t is the triangle's
-// height, the same for all rays. A hit lies in front of the ray's origin if d . (e2 x e1) and the height have the same
-// sign. All planes, and the normal e2 x e1, are multiplied by the sign of the height when they are prepared, not at
-// each test. The number `a` is the dot product of d and this normal, so it is positive for hits in front of the origin.
+// corners, relative to the rays' origin. The plane through Q, P and the origin has the normal 2 P x Q, which is
+// computed as (P - Q) x (P + Q). A ray with the direction d lies on the edge's inner side if d . normal has the same
+// sign as the triangle's height (see below). The neighbouring triangle has the same plane for the shared edge, with the
+// opposite sign, to the last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray
+// slip through, so neighbouring triangles overlap a little: after the planes are scaled, 1 is added to each dot
+// product. Let e1 and e2 be two of the triangle's edges. If a ray meets the triangle's plane at t, d . (e2 x e1) times
+// t is the triangle's height, the same for all rays. A hit lies in front of the ray's origin if d . (e2 x e1) and the
+// height have the same sign. All planes, and the normal e2 x e1, are multiplied by the sign of the height when they are
+// prepared, not at each test. The number `a` is the dot product of d and this normal, so it is positive for hits in
+// front of the origin.
 
 #define PREPARED TOGETHER
 

@@ -177,12 +177,12 @@ struct LineBreak {
     depth: usize,
 }
 
-/// Returns where to break a line. Considers all positions that allow a break and before which the line fits. Of
-/// the positions that are inside the fewest brackets, returns the last one. Returns `None` if the whole line
-/// fits, or if there is no such position. `open` has an element for each bracket that was opened on an earlier
-/// line and is still open: the column at which the next lines of the bracket's contents begin. `further` is the
-/// column at which the next line starts if no bracket is open at the break, or if the contents of the innermost
-/// open bracket begin further right than [`FURTHEST`].
+/// Returns where to break a line. Considers all positions where a break is allowed and the text before the break is not
+/// too long. Of the positions that are inside the fewest brackets, returns the last one. Returns `None` if the whole
+/// line fits, or if there is no such position. `open` has an element for each bracket that was opened on an earlier
+/// line and is still open: the column at which the next lines of the bracket's contents begin. `further` is the column
+/// at which the next line starts if no bracket is open at the break, or if the contents of the innermost open bracket
+/// begin further right than [`FURTHEST`].
 fn next_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<LineBreak> {
     if margin + length(tokens) <= WIDEST {
         return None;

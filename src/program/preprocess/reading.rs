@@ -128,8 +128,8 @@ const WORDS: [&str; 5] = ["__attribute__", "__attribute", "_Pragma", "struct", "
 
 /// Returns the names that an item declares: the names of all functions, types and variables, since an item may be a
 /// list of variables, or have several functions on one line. May also return a name that the item only uses, so the
-/// item may be kept needlessly. Returns no name for an item without a name, such as a pragma, and for an `enum`,
-/// whose values are used without its name.
+/// item may be kept needlessly. Returns no name for an item without a name, such as a pragma. Also returns no name for
+/// an `enum`, because a program uses the values of an `enum` without its name.
 fn declared(code: &[Token]) -> Vec<String> {
     let outer = outer(code);
     if outer.iter().any(|token| token.text == "enum") {
