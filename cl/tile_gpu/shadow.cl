@@ -4,7 +4,7 @@
 // SHADOW_PASSES and SHADOW_BUDGET limit the work for one tile and one light: the number of passes, and the number of
 // nodes and leaves that all passes together take from the stack. A pass casts rays that are close to each other. At
 // silhouettes, some shadow rays remain undecided when one of these limits is reached. Such leftover shadow rays are
-// cast after the tiles, one at a time, each by a whole group of 32 lanes.
+// cast later, after the rays of all tiles, one at a time, each by a whole group of 32 lanes.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
 // A lane's word contains the results of the lane's shadow rays. For each light of the round of lights, the word has one

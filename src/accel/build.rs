@@ -25,10 +25,10 @@ const PARALLEL_NODE: usize = 1 << 16;
 pub(super) const CHUNK: usize = 1 << 14;
 /// One task builds a whole subtree with at most this many triangles, unless the subtree has several grid cells.
 const TASK: usize = 1 << 12;
-/// If a subtree has at most this many triangles, and its parent has more, the builder joins the subtree's
-/// nodes into one allocation as soon as the subtree is finished. When a large allocation is freed, the
-/// allocator returns its memory to the system. If the nodes stayed in many small allocations, the allocator
-/// would keep their memory, and large meshes would need a tenth more memory.
+/// If a subtree has at most this many triangles, and the subtree around it has more, the builder joins the subtree's
+/// nodes into one allocation as soon as the subtree is finished. When a large allocation is freed, the allocator
+/// returns its memory to the system. If the nodes stayed in many small allocations, the allocator would keep their
+/// memory, and large meshes would need a tenth more memory.
 const JOINED: usize = 1 << 19;
 /// To find a cut, nodes with more triangles than this number are divided into `FINE` slices along each axis.
 /// Nodes with at most this many triangles are divided into `COARSE` slices. To find a cut of a list of grid

@@ -278,8 +278,8 @@ impl WideBvh {
         }
     }
 
-    /// Writes the boxes and child words of a node. The caller must append the nodes of the inner children
-    /// next, since the child words (the references to the node's children) refer to the next node numbers.
+    /// Writes the boxes and child words of a node. The caller must append the nodes of the inner children next. The
+    /// child words (the references to the node's children) already contain the numbers that these nodes will get.
     fn write(&mut self, bvh: &Bvh, node: usize, children: &[Subtree], leaf_size: usize) {
         let mut next = self.node_count() as u32;
         for (slot, child) in children.iter().enumerate() {
