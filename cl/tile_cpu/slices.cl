@@ -57,7 +57,8 @@ typedef struct {
 
 // Converts intervals of directions to intervals of their reciprocals, and widens the results by more than the rounding
 // error. 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
-// half-lines. Reciprocals of ends at zero are stored as FAR or -FAR. Empty intervals (low > high) stay empty.
+// half-lines. If an end of the interval is zero, its reciprocal is stored as FAR or -FAR. Empty intervals (low > high)
+// stay empty.
 static void invert_intervals(float16 *low, float16 *high) {
     const float16 least = *low, most = *high;
     // If the interval contains zero (`mixed`), the reciprocals lie below 1 / least or above 1 / most.

@@ -72,8 +72,8 @@ static float4 sum_of_samples(const FrameSamples *samples, float4 background, con
     return (float4)(red + missing * background.x, green + missing * background.y, blue + missing * background.z, count);
 }
 
-// For tiles in which each vector of rays belongs to one pixel: adds this frame's samples to the pixels' means in the
-// image. `sums` has the sums of the pixels' samples, one float4 per vector.
+// For tiles in which all rays of a vector are samples of one pixel: adds this frame's samples to the pixels' means in
+// the image. `sums` contains one float4 per vector of rays: the sum of the samples of the vector's pixel.
 void store_sums(const FrameSamples *samples, const float4 *sums, __global float4 *restrict image, int2 image_size) {
     const int x = FIRST_COLUMN(0), y = FIRST_ROW(0);
 #if BLOCKS_ACROSS % 4 == 0

@@ -95,10 +95,10 @@ pub struct Args {
     /// pixels differ. Not with --devices [default number of samples: 16]
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
-    /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If the number is above 1, the first
-    /// cast warms up the device: raycl leaves out the time of this cast, and casts the frame once more. But if the
-    /// first cast takes more than a second, raycl keeps its time and casts no additional frame. With --devices, each
-    /// device always casts the frame once more, to warm up
+    /// Cast the frame this many times, 1 to 1,000,000, and report the median times. If the number is above 1,
+    /// raycl first casts one additional frame, which is not timed, to warm up the device. But if the first cast takes
+    /// more than a second, raycl counts its time, and casts no additional frame. With --devices, each device always
+    /// casts one additional frame, to warm up
     #[arg(long, default_value_t = 1, value_parser = whole::<u32>(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it

@@ -321,7 +321,7 @@ type Merged = std::result::Result<(), NoIndex>;
 
 /// An index in an override's key for which a list has no element.
 struct NoIndex {
-    /// The range of bytes of the index in the document.
+    /// Where the index stands in the document, as a range of bytes.
     span: Range<usize>,
     /// The dotted path of the list, such as `strategy`.
     list: String,

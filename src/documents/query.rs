@@ -225,8 +225,8 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
     }
 }
 
-/// Fits a power law to the median times of some records, as a function of the records' figure named `across`, and
-/// returns the exponent; [`Figure::Nothing`] if there are too few points for a fit.
+/// Fits a power law to the median times of some records, as a function of another number of each record, and returns
+/// the exponent; [`Figure::Nothing`] if there are too few points for a fit. `across` is the name of the other number.
 fn grown(records: &[&Record], across: &str) -> Figure {
     let number = |record: &Record, name: &str| match figure(record, name) {
         Figure::Number(value, _) => Some(value),

@@ -645,7 +645,7 @@ mod tests {
         for start in [
             "Differences below 2.1% between two points are mostly not detected in these results.",
             "The hosts differ in speed: the point \"teapot, 800 x 500, gpu, naive at 8 x 8\" took 10.00 ms on n1 and 15.00 ms on n2",
-            "Disturbed: the load of 1 of 2 launches (counted for each group of points) is known. In this launch, other programs",
+            "Disturbed: how busy the machine was is known for 1 of 2 launches (counted for each group of points). In this launch, other programs",
             "2 samples are left out, because a thread that cast the frame probably had to wait for a processor.",
             "The core-to-core latency changed between 60 and 260 ns",
         ] {

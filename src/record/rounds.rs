@@ -109,9 +109,11 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     let bad = bad.count();
     let launches = match (shown.len(), means.len()) {
         (all, known) if all == known => format!("in {bad} of {}{PER_GROUP}", counted(all, "launch")),
-        (all, 1) => format!("the load of 1 of {all} launches{PER_GROUP} is known. In this launch"),
+        (all, 1) => {
+            format!("how busy the machine was is known for 1 of {all} launches{PER_GROUP}. In this launch")
+        }
         (all, known) => format!(
-            "the load of {known} of {all} launches{PER_GROUP} is known. In {bad} of these {known} launches"
+            "how busy the machine was is known for {known} of {all} launches{PER_GROUP}. In {bad} of these {known} launches"
         ),
     };
     Some(format!(
@@ -289,7 +291,7 @@ mod tests {
     fn launches_of_unknown_load_are_not_among_those_of_known_load() {
         let records = [Record { sample_launches: vec![0, 1, 2], ..Record::default() }];
         let said = disturbance(&[line(0, 0.9), line(1, 0.9)], &records).unwrap();
-        let expected = "Disturbed: the load of 2 of 3 launches (counted for each group of points) is known. In 2 of these 2 launches, other programs";
+        let expected = "Disturbed: how busy the machine was is known for 2 of 3 launches (counted for each group of points). In 2 of these 2 launches, other programs";
         assert!(said.starts_with(expected), "{said}");
     }
 

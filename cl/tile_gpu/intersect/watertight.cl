@@ -2,10 +2,10 @@
 // so that the ray becomes the z axis, and edge functions are differences of two products, each rounded separately. For
 // all rays of a pass, z is the axis of the pass, not the axis of the largest component of a ray's own direction. The
 // test stays watertight: a ray has the same axis for all triangles, so a corner that two triangles share is sheared in
-// the same way. A prepared triangle contains the corners along the pass's axes, relative to the origin. The fourth
-// component of the corner `a` is a sign. For front faces, `det` (the sum of the edge functions) has this sign. This
-// sign is reversed in two cases: for rays that run against the axis (their coordinates are mirrored), and for shadow
-// rays (they are tested from their light). A prepared triangle:
+// the same way. A prepared triangle contains the corners' coordinates along the three axes of the pass, relative to the
+// origin. The fourth component of the corner `a` is a sign. For front faces, `det` (the sum of the edge functions) has
+// this sign. This sign is reversed in two cases: for rays that run against the axis (their coordinates are mirrored),
+// and for shadow rays (they are tested from their light). A prepared triangle:
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 
