@@ -7,8 +7,9 @@ typedef struct {
     uint word;   // the child's word in the node: see common/tree.cl
 } Child;
 
-// Tests whether the shaft (the volume of a pass's rays) meets this lane's child of a node at a z less than `reach`.
-// The test may report a child that the shaft misses, but never overlooks a child that the shaft meets.
+// Each lane tests one child of a node. Returns whether the shaft (the volume of a pass's rays) meets the box of this
+// lane's child at a z that is less than `reach`. The test may report a child that the shaft misses, but never overlooks
+// a child that the shaft meets.
 INLINED Child test_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
     const uint at = NODE_STRIDE * node; // less than 2^32: a tree has at most 2^25 triangles, and far fewer nodes
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);

@@ -30,9 +30,9 @@ pub struct Args {
     threshold: f64,
     /// Compare the measured times themselves, not their ratios to another time. Without this option, raycl
     /// first divides each time by another time of the same run, such as the time of the anchor (a kernel that
-    /// never changes), to allow for changes of the machine's speed. If the devices differ and the folders share
-    /// no baseline (a ray caster without OpenCL) from the same processor, raycl always compares the measured
-    /// times
+    /// never changes), to allow for changes of the machine's speed. If the devices differ, and no
+    /// baseline (a ray caster without OpenCL) was measured on the same processor in both folders, raycl always
+    /// compares the measured times
     #[arg(long)]
     times: bool,
     /// Exit with code 1 if it is statistically significant that AFTER is slower than BEFORE by more than PERCENT. raycl

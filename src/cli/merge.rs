@@ -27,7 +27,7 @@ pub struct Args {
     /// a device's description. The description contains the device's name, both as the driver states it and as raycl's
     /// tables show it, the platform, the driver and other properties that affect times. If NAME is a number, it matches
     /// only if the description contains this whole number: 1 does not match H100. Results of the baselines (ray casters
-    /// on the host) are always merged; with the NAME host, raycl merges only these results. If no NAME is host, and no
+    /// on the host) are always merged; if NAME is host, raycl merges only these results. If no NAME is host, and no
     /// NAME matches a device on which a shard has begun, raycl merges nothing. If some NAMEs match such a device, and a
     /// NAME other than host does not, raycl reports all points except the baselines as missing for the NAME that
     /// matches no device. Not with --status [default: all devices on which a shard has begun]

@@ -119,8 +119,9 @@ fn measure(args: &Args, path: &Path) -> Result<(Sweep, Result<()>)> {
     if wanted.is_empty() {
         let of = args.only.as_ref().map(|word| format!(" and has '{word}' in its name")).unwrap_or_default();
         let message = format!("none of the {} cases of '{}' is for a {kind}{of}", all.len(), path.display());
-        return Err(Error::input(message)
-            .with_help("a case's `devices` are cpu, gpu or both; --only takes a part of a case's name"));
+        return Err(Error::input(message).with_help(
+            "a case's `devices` lists cpu, gpu or both of them; --only takes a part of a case's name",
+        ));
     }
     let _held = hold(&[&device.info], args.no_wait)?;
     // All cases are checked before the first one is measured, so that a mistake loses no measurements.

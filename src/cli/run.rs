@@ -132,7 +132,7 @@ pub struct Args {
     /// With --cl-dir given twice: exit with code 1 if it is statistically significant that the second folder's kernels
     /// are slower by more than PERCENT. raycl tests each point, the mean of each strategy's points, and the mean of all
     /// points except baselines (ray casters that do not use OpenCL). Also exit with code 1 if a point can be measured
-    /// only with the first folder
+    /// with the first folder's kernels, but not with the second folder's
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the program

@@ -1,7 +1,7 @@
-//! Writes the layers of a picture to files: all layers and the picture to one EXR, or each layer to a separate
-//! PNG. The layers describe each pixel in addition to its colour. Five layers describe the pixel's hit: depth, normal,
-//! base colour, triangle and object. Two layers contain the numbers of ray-triangle tests and of visited tree nodes of
-//! the pixel's rays.
+//! Writes the layers of a picture to files: all layers and the picture to one EXR, or each layer to a separate PNG.
+//! Each layer has one property of each pixel; the pixel's colour is not a layer. Five layers describe the pixel's hit:
+//! depth, normal, base colour, triangle and object. Two layers contain the numbers of ray-triangle tests and of visited
+//! tree nodes of the pixel's rays.
 
 use super::colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 use super::{Radiance, save_rgb8};

@@ -130,11 +130,11 @@ impl Asked<'_> {
         }
     }
 
-    /// Ends the shadow rays farther from a hit than usual, and includes the resulting radiance in `sample`. A
-    /// device that casts shadow rays from a distant light may end the rays at any distance between the two
-    /// distances of [`ends_before_hit`]; the function casts with these two. `radiance` returns the hit's
-    /// radiance. The argument of `radiance` is a function that returns the distance from the hit at which the
-    /// shadow ray of a [`Sight`] ends.
+    /// Ends the shadow rays farther from a hit than usual, and includes the resulting radiance in `sample`. A device
+    /// that casts shadow rays from a distant light may end the rays at any distance between the two distances of
+    /// [`ends_before_hit`]. This function therefore casts each of these shadow rays twice: once to each of the two
+    /// distances. `radiance` returns the hit's radiance. The argument of `radiance` is a function that returns the
+    /// distance from the hit at which the shadow ray of a [`Sight`] ends.
     fn end_before_hit(
         &self,
         sample: &mut PixelSample,

@@ -28,8 +28,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int index, float worst
     triangle->b = quad(b, 0.0f);
     triangle->c = quad(c, 0.0f);
     const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a);
-    // v . (x, y, 1) and w . (x, y, 1) are two edge functions, and n . (x, y, 1) is the sum of all three. a . n is z
-    // times this sum.
+    // The three edge functions at (x, y, 1) are the dot products of (x, y, 1) with u, v and w. Their sum is the dot
+    // product with n = u + v + w. z times this sum is a . n.
     const Uniform3 v = uniform_cross(e2, a), w = uniform_cross(a, e1), n = uniform_cross(e1, e2);
     const Uniform3 u = uniform_difference(uniform_difference(n, v), w);
     const float distance = uniform_size(a), size1 = uniform_size(e1), size2 = uniform_size(e2);

@@ -105,8 +105,9 @@ impl Pooled {
         (self.rows > 1).then(|| self.moderated(2.0, 2.0 * self.apart.typical))
     }
 
-    /// Returns the error of the mean of several differences between rows (one difference per column). `own`
-    /// is the variance of these differences between rows, and has few degrees of freedom. `parts` is the
+    /// Returns the error of the mean of several differences. Each column gives one difference: between its values in two
+    /// rows, or between its means over several rows. `own` is the variance of these differences, and has few degrees of
+    /// freedom. `parts` is the
     /// expected variance of such a difference, divided by the variance of a single row.
     fn moderated(&self, parts: f64, own: f64) -> Error {
         let borrowed = if self.rows < FEWEST_LENDERS { 0.0 } else { self.borrowed(self.apart, 2) };

@@ -73,7 +73,7 @@ pub(super) fn curves_of(
     Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))
 }
 
-/// Draws the curves of a figure over block sizes. If `as_shapes` is false, the curves show milliseconds; if
+/// Draws the curves of a figure, with the block sizes on the horizontal axis. If `as_shapes` is false, the curves show milliseconds; if
 /// `as_shapes` is true, each time is divided by the time of the curve's fastest point.
 fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Chart {
     let mut blocks: Vec<u32> = curves
