@@ -14,6 +14,10 @@ use crate::measure::Ranking;
 use crate::numbers::{by, duration, ms, significant};
 use crate::printer::{line, plain};
 use crate::strategy::Infeasible;
+use std::collections::HashMap;
+
+/// For each device, its common name.
+type Names<'a> = HashMap<&'a str, String>;
 
 /// Returns a table of medians for every scene, image size and device. For the host, returns a line with the times of
 /// the baselines instead of a table. A legend and the notes on scenes follow the tables. A star marks the fastest
@@ -27,7 +31,7 @@ pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
         device => matrix(group, &names[device], coloured),
     });
     let mut text = parts.collect::<Vec<_>>().join("\n");
-    text.push_str(&plain(&legend(&groups)));
+    text.push_str(&plain(&legend(&groups, &names)));
     let notes = scene_notes(records);
     text.extend(notes.iter().map(|(scene, note)| format!("note on {}: {}\n", line(scene), plain(note))));
     text
@@ -167,7 +171,7 @@ pub(crate) fn word(record: &Record) -> String {
 }
 
 /// Returns lines that explain the marks in the tables, and the words for points without a time.
-fn legend(groups: &[Group<'_>]) -> String {
+fn legend(groups: &[Group<'_>], names: &Names<'_>) -> String {
     let kernels = || groups.iter().filter(|group| group.device != HOST);
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
@@ -190,28 +194,40 @@ fn legend(groups: &[Group<'_>]) -> String {
     }
     let warned = rankings.iter().flat_map(Ranking::all).filter_map(|one| Some((one, to_mind(one)?)));
     if let Some((record, warning)) = warned.clone().next() {
-        let size = record.at_local_size();
         let count = warned.count();
         text.push_str(&format!(
-            "! a warning on {count} of these times, for example {}{size}: {warning}\n",
-            record.name
+            "! a warning on {count} of these times, for example {}: {warning}\n",
+            example(groups, names, record)
         ));
     }
     let mut explained: Vec<(String, &str)> = Vec::new();
     for (record, reason) in kernels().flat_map(|group| group.failures()) {
         let word = word(record);
         if !explained.iter().any(|(what, name)| *what == word && *name == record.name) {
-            let size = record.at_local_size();
             let first = reason.lines().next().unwrap_or_default();
             text.push_str(&format!(
-                "{word}: {}, for example {}{size}: {first}\n",
+                "{word}: {}, for example {}: {first}\n",
                 meaning(record),
-                record.name
+                example(groups, names, record)
             ));
             explained.push((word, &record.name));
         }
     }
     text
+}
+
+/// Returns a point's strategy and local size and, if there are several tables, the title of the point's table.
+fn example(groups: &[Group<'_>], names: &Names<'_>, record: &Record) -> String {
+    let point = format!("{}{}", record.name, record.at_local_size());
+    match groups.iter().filter(|group| group.device != HOST).count() {
+        0 | 1 => point,
+        _ => format!(
+            "{point} ({}, {}, {})",
+            record.scene,
+            by(record.image_size),
+            names[record.device.as_str()]
+        ),
+    }
 }
 
 fn meaning(record: &Record) -> &'static str {
@@ -414,6 +430,10 @@ mod tests {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
         }
         assert!(!summary_terminal(&judged([measured("gpu", "tile", 4, 9.0)]), false).contains("warning"));
+        let elsewhere = Record { scene: "roll".into(), ..measured("gpu", "tile", 4, 9.0) };
+        let text = summary_terminal(&judged([warned("naive", 10.0), elsewhere]), false);
+        let expected = "for example naive at 8 x 8 (teapot, 800 x 500, gpu): it throttled\n";
+        assert!(text.contains(expected), "{expected:?} is not in\n{text}");
     }
 
     #[test]
