@@ -164,7 +164,10 @@ fn what_is_wrong_with_a_mask_is_noted_with_its_line() {
     let whole = room(&MTL.replace("map_d leaf.png\n", ""));
     assert_eq!(cut, whole.picture(&[]).0);
     let folder = room(&MTL.replace("map_d leaf.png", "map_d -s 2 2 leaf.png"));
-    has(&folder.picture(&[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
+    has(
+        &folder.picture(&[]).1,
+        &["asks for different scales, offsets or wrap modes of its textures (map_d)"],
+    );
 }
 
 /// Each changed kernel makes one mistake: it ignores holes, reads a wrong channel, texel or cutoff, looks at a wrong

@@ -220,6 +220,10 @@ fn ascii(bytes: &[u8], limit: Limit) -> std::result::Result<Text, Flaw> {
                 normals.push(Normal { corner: corners.len(), words: [x, y, z] });
             }
             follows_unknown = false;
+        } else if word.starts_with(b"#") {
+            // Some programs begin comments with this character.
+            skip_name(line, &mut words);
+            follows_unknown = false;
         } else if is_known(word) {
             follows_unknown = false;
         } else if decimal(word).is_some() {
@@ -488,6 +492,7 @@ mod tests {
             ("normal 0 0 1", "normal 0 0"),
             ("normal 0 0 1", ""),
             ("solid a", "\u{feff}solid a"),
+            ("solid a", "# exported by A 1.2\nsolid a\n#b 3"),
         ] {
             assert_eq!(notes(from, to), [""; 0], "{to}");
         }

@@ -15,6 +15,7 @@ const MOST_LISTED: usize = 8;
 pub(in crate::scene) enum Wish {
     Texture,
     TextureOption,
+    TexturePlace,
     Transparency,
     Blending,
     UnknownAlpha,
@@ -50,6 +51,10 @@ impl Wish {
                 ("textures", "only a material's colour, holes and emitted light can come from a texture")
             }
             Self::TextureOption => ("options of textures", "they are ignored"),
+            Self::TexturePlace => (
+                "different scales, offsets or wrap modes of its textures",
+                "those of the first of map_Kd, map_d and map_Ke count for all of them",
+            ),
             Self::Transparency => ("transparency", "every surface is opaque"),
             Self::Blending => {
                 ("blended transparency", "points that are at least half opaque are drawn, others are holes")

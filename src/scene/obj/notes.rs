@@ -30,7 +30,8 @@ pub(super) fn of_materials_and_textures(
     quotes: bool,
     notes: &mut Vec<String>,
 ) -> Vec<String> {
-    let (textures, others) = of_used(asked, mesh).divided(&[Wish::Texture, Wish::TextureOption]);
+    let (textures, others) =
+        of_used(asked, mesh).divided(&[Wish::Texture, Wish::TextureOption, Wish::TexturePlace]);
     notes.extend(others.notes("material", quotes));
     textures.notes("material", quotes).collect()
 }

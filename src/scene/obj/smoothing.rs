@@ -59,9 +59,9 @@ pub(super) fn note<'a>(pieces: impl Iterator<Item = &'a Smoothing>) -> Option<St
     // smooth anyway.
     let note = || {
         format!(
-            "smoothing groups (s) are not read: {} smooth. A `crease` angle in the scene (a bare mesh has a \
-             default) keeps edges with a larger angle sharp; flat = true in an [[object]] gives every face its \
-             own normal",
+            "smoothing groups (s) are not read: {} smooth, except at edges with an angle above the `crease` angle of the \
+             scene (a bare mesh has a default). `flat = true` in an [[object]] (for a bare mesh, --set object.0.flat=true) \
+             gives every face its own normal",
             counted_are(counts.iter().map(|(_, count)| **count).sum(), "triangle without normals")
         )
     };

@@ -485,7 +485,7 @@ fn a_textured_triangle_whose_vertices_have_colours_is_noted_unless_they_are_whit
         parse("test.obj", Reach { folder: folder.path(), ..nowhere() }, text.as_bytes()).unwrap().notes
     };
     let expected = "textures of 1 triangle are multiplied by the colours of vertices, although many programs show the \
-                    texture alone; a scene that sets `k_l = 1` leaves these colours out";
+                    texture alone; a scene that sets `k_l = 1` (for a bare mesh, --set object.0.material.k_l=1) leaves these colours out";
     assert_eq!(notes("0.5 1 1"), [expected]);
     assert_eq!([notes("1 1 1"), notes("255 255 255"), notes("")].concat(), [""; 0]);
 }

@@ -43,11 +43,10 @@ impl Maps {
         [&colour, &mask, &emission].into_iter().flatten().for_each(|map| asked.extend(&map.asked));
         let maps = Self { colour, mask, emission };
         let place = maps.mapping().map(Map::placement);
-        let others: [(_, &[u8]); 2] =
-            [(&maps.mask, b"map_d -s, -o or -clamp"), (&maps.emission, b"map_Ke -s, -o or -clamp")];
-        for (map, option) in others {
+        let others: [(_, &[u8]); 2] = [(&maps.mask, b"map_d"), (&maps.emission, b"map_Ke")];
+        for (map, keyword) in others {
             if map.as_ref().is_some_and(|map| Some(map.placement()) != place) {
-                asked.add(Wish::TextureOption, option);
+                asked.add(Wish::TexturePlace, keyword);
             }
         }
         maps

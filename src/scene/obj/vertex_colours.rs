@@ -37,7 +37,7 @@ pub(super) fn note_textured(mesh: &Mesh, linear: &[Vec3]) -> Option<String> {
     let note = || {
         format!(
             "textures of {} are multiplied by the colours of vertices, although many programs show the texture alone; \
-             a scene that sets `k_l = 1` leaves these colours out",
+             a scene that sets `k_l = 1` (for a bare mesh, --set object.0.material.k_l=1) leaves these colours out",
             counted(count, "triangle")
         )
     };

@@ -57,6 +57,8 @@ pub(super) struct LeftOut {
     pub unpaired: usize,
     pub targets: usize,
     pub clear_colours: usize,
+    /// The number of primitives with `COLOR_1`, `COLOR_2` and so on.
+    pub other_colours: usize,
     pub lines_and_points: usize,
     /// The number of primitives without a known mode.
     pub odd_modes: usize,
@@ -198,7 +200,7 @@ impl LeftOut {
     }
 
     /// Returns the counts of primitives (parts of meshes), and of their triangles and accessors.
-    fn primitives(&self) -> [Counted; 15] {
+    fn primitives(&self) -> [Counted; 16] {
         [
             (
                 self.distorted,
@@ -213,6 +215,7 @@ impl LeftOut {
             ),
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
+            (self.other_colours, "primitive with colours other than COLOR_0", "shown without these colours"),
             (self.lines_and_points, "primitive of lines or points", "left out"),
             (self.odd_modes, "primitive of an unknown mode", "left out"),
             (self.unpositioned, "primitive of triangles without positions", "left out"),

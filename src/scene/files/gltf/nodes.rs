@@ -6,7 +6,7 @@ use super::accessors::Numbers;
 use super::left_out::{self, LeftOut};
 use super::locals::Local;
 use super::materials::uses_alpha;
-use super::primitives::{Part, mode_of};
+use super::primitives::{Part, has_other_colours, mode_of};
 use super::skins::{self, Skin};
 use super::textures::ColourMap;
 use super::transforms::{PlacedNode, normal_matrix};
@@ -164,6 +164,7 @@ impl<'a> Walk<'a> {
         for primitive in &mesh.primitives {
             let has_targets = primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty());
             self.left_out.targets += usize::from(is_new && has_targets);
+            self.left_out.other_colours += usize::from(is_new && has_other_colours(primitive));
             let map = primitive.material.and_then(|index| self.maps.get(index.value()).copied().flatten());
             let joints = skin.and_then(|index| self.skins.get(&index.value()));
             match Part::read(&self.numbers, primitive, map.map(|map| map.set), joints.is_some())? {

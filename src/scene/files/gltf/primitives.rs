@@ -270,6 +270,12 @@ impl Part {
     }
 }
 
+/// Returns true if a primitive has sets of colours besides `COLOR_0`.
+pub(super) fn has_other_colours(primitive: &Primitive) -> bool {
+    let is_other = |semantic: &Checked<Semantic>| matches!(semantic, Checked::Valid(Semantic::Colors(1..)));
+    primitive.attributes.keys().any(is_other)
+}
+
 /// Returns the mode of a primitive of triangles; `None` for any other primitive, such as lines.
 pub(super) fn mode_of(primitive: &Primitive) -> Option<Mode> {
     match primitive.mode {

@@ -739,6 +739,8 @@ fn parts_that_are_left_out_are_noted() {
     let targets = noted(indices, r#""indices": 1, "targets": [{}]"#);
     assert_eq!(targets, ["1 primitive with morph targets is shown without them"]);
     assert_eq!(noted(indices, r#""indices": 1, "targets": []"#), [""; 0]);
+    let colours = noted(r#""attributes": {"#, r#""attributes": {"COLOR_1": 0, "#);
+    assert_eq!(colours, ["1 primitive with colours other than COLOR_0 is shown without these colours"]);
     let lines = noted(r#""primitives": ["#, r#""primitives": [{"attributes": {"POSITION": 0}, "mode": 1}, "#);
     assert_eq!(lines, ["1 primitive of lines or points is left out"]);
     let material = r#""materials": [{"normalTexture": {"index": 0}, "occlusionTexture": {"index": 0},
