@@ -16,9 +16,12 @@ pub(super) fn add_codes(codes: &mut [Codes; 8], mut data: &[u8]) -> Option<()> {
         let mut table = Vec::with_capacity(1 << 16);
         for (length, count) in (1..).zip(lengths) {
             let (values, after) = rest.split_at_checked(usize::from(*count))?;
-            values
-                .iter()
-                .for_each(|value| table.resize(table.len() + (1 << (16 - length)), [length as u8, *value]));
+            let places = 1 << (16 - length);
+            // More codes than there are bits for are not valid, and would take much memory.
+            if table.len() + values.len() * places > 1 << 16 {
+                return None;
+            }
+            values.iter().for_each(|value| table.resize(table.len() + places, [length as u8, *value]));
             rest = after;
         }
         table.resize(1 << 16, [0, 0]);
@@ -84,6 +87,16 @@ impl<'a> Bits<'a> {
         }
         self.count = self.count.checked_sub(bits)?;
         Some((self.word >> self.count) as u32 & ((1 << bits) - 1))
+    }
+
+    /// Passes `count` bits.
+    pub(super) fn pass_bits(&mut self, mut count: u32) -> Option<()> {
+        while count > 0 {
+            let part = count.min(16);
+            self.number(part)?;
+            count -= part;
+        }
+        Some(())
     }
 
     /// Returns true if more than one byte is left before the next marker.

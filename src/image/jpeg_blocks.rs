@@ -82,7 +82,9 @@ impl Layered {
             at += 1;
         }
         if self.ended > 0 {
-            self.after_zeros(bits, at, COEFFICIENTS, *nonzero)?;
+            // Each coefficient that is not 0 has one bit.
+            let remaining = *nonzero & u64::MAX << at & u64::MAX >> (COEFFICIENTS - 1 - self.layer.last);
+            bits.pass_bits(remaining.count_ones())?;
             self.ended -= 1;
         }
         Some(())

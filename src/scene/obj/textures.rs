@@ -203,12 +203,13 @@ impl Map {
             asked: Asked::default(),
         };
         let all: Vec<&[u8]> = name_tokens(rest).collect();
-        let at = map.options(keyword, &all, 0)?;
+        let mut earlier = Vec::new();
+        let at = map.options(keyword, &all, 0, &mut earlier)?;
         let without = || unfit_map(keyword, format!("{keyword} without a file"), "the name of a picture");
         let position = |token: &[u8]| token.as_ptr() as usize - rest.as_ptr() as usize;
         let from = position(all.get(at).ok_or_else(without)?);
         // A file name may contain spaces, so the name is the rest of the line, or ends before options.
-        let name = match map.options_after_name(keyword, &all, at)? {
+        let name = match map.options_after_name(keyword, &all, at, &mut earlier)? {
             Some(option) => rest[from..position(option)].trim_ascii_end(),
             None => &rest[from..],
         };
@@ -224,20 +225,27 @@ impl Map {
         keyword: &str,
         all: &[&'a [u8]],
         name: usize,
+        earlier: &mut Vec<&'a [u8]>,
     ) -> Result<Option<&'a [u8]>, Unfit> {
-        let is_first = |at: &usize| is_known_option(all[*at]) && has_extension(all[*at - 1]);
+        let is_first = |at: &usize| is_option(&all[*at..]) && has_extension(all[*at - 1]);
         let Some(first) = (name + 1..all.len()).find(is_first) else { return Ok(None) };
         let mut with_options = self.clone();
-        if with_options.options(keyword, all, first)? < all.len() {
+        if with_options.options(keyword, all, first, earlier)? < all.len() {
             return Ok(None);
         }
         *self = with_options;
         Ok(Some(all[first]))
     }
 
-    /// Reads the options that begin at the word `at` of a line. Returns the number of the next word.
-    fn options(&mut self, keyword: &str, all: &[&[u8]], mut at: usize) -> Result<usize, Unfit> {
-        let mut earlier = Vec::new();
+    /// Reads the options that begin at the word `at` of a line, and adds them to `earlier`, the options that were read
+    /// before. Returns the number of the next word.
+    fn options<'a>(
+        &mut self,
+        keyword: &str,
+        all: &[&'a [u8]],
+        mut at: usize,
+        earlier: &mut Vec<&'a [u8]>,
+    ) -> Result<usize, Unfit> {
         while let Some(option) = all.get(at).filter(|token| token.starts_with(b"-") && token.len() > 1) {
             at += 1;
             let before = self.placement();
@@ -388,9 +396,14 @@ pub(super) fn paths(named: &str, folder: &str) -> impl Iterator<Item = String> {
     all.into_iter()
 }
 
-/// Returns true if a word is a number, finite or not.
-fn is_known_option(word: &[u8]) -> bool {
-    matches!(word, b"-s" | b"-o" | b"-t" | b"-mm" | b"-clamp") || OF_ONE_WORD.contains(&word)
+/// Returns true if words begin with an option of a texture and, if it is an option of numbers, with a number after it.
+fn is_option(words: &[&[u8]]) -> bool {
+    match words {
+        [b"-s" | b"-o" | b"-t" | b"-mm", next, ..] => is_number(next),
+        [b"-clamp", _, ..] => true,
+        [option, _, ..] => OF_ONE_WORD.contains(option),
+        _ => false,
+    }
 }
 
 /// Returns true if a word ends like the name of a file: with a dot and two to four letters or digits.
@@ -400,6 +413,7 @@ fn has_extension(word: &[u8]) -> bool {
     extension.is_some_and(|end| (2..=4).contains(&end.len()) && end.iter().all(u8::is_ascii_alphanumeric))
 }
 
+/// Returns true if a word is a number, finite or not.
 fn is_number(word: &[u8]) -> bool {
     words(word).parse::<f32>().is_ok()
 }
@@ -595,13 +609,23 @@ mod tests {
         assert_eq!(map(" a b.png -s 2 3 1 -o 0.5 -clamp on"), placed("a b.png"));
         assert_eq!(map(" -s 2 3 a b.png -o 0.5 -clamp on # c"), placed("a b.png"));
         let usual = |name: &str| Some((name.to_owned(), [1.0; 2], [0.0; 2], Wrap::Repeat));
-        for name in ["wood -s 2 3 1.png", "a.png -s 2 b.png", "a.png -x 2", "a -s 2", "v1.5 -o 1 b.png"] {
+        for name in [
+            "wood -s 2 3 1.png",
+            "a.png -s 2 b.png",
+            "a.png -x 2",
+            "a -s 2",
+            "v1.5 -o 1 b.png",
+            "No.12 -o view.png",
+            "a.png -s",
+        ] {
             assert_eq!(map(&format!(" {name}")), usual(name));
         }
         assert_eq!(map(" a.png -s nan"), None);
         let bump = Map::of_line("map_Kd", b" a.png -bm 2").unwrap();
         assert_eq!(bump.name(), "a.png");
         assert!(bump.asked.notes("material", true).any(|note| note.contains("map_Kd -bm")));
+        let twice = Map::of_line("map_Kd", b" -s 2 a.png -s 3").unwrap();
+        assert!(twice.asked.notes("material", true).any(|note| note.contains("map_Kd first -s")));
     }
 
     #[test]
