@@ -250,7 +250,7 @@ impl Map {
             at += 1;
             let before = self.placement();
             at += self.option(keyword, option, &all[at..])?;
-            if earlier.contains(&option) && self.placement() != before {
+            if earlier.contains(option) && self.placement() != before {
                 let first = [keyword.as_bytes(), b" first ", option].concat();
                 self.asked.add(Wish::TextureOption, &first);
             }
