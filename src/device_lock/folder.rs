@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 /// The environment variable that names, by an absolute path, a folder for the device locks instead of the
 /// shared folder.
 const VARIABLE: &str = "RAYCL_LOCK_DIR";
+/// How often a lock is opened if its folder is replaced again and again. Every process replaces the folder at most once.
+const ATTEMPTS: usize = 100;
 /// The remedy if [`VARIABLE`] names a relative path.
 const ABSOLUTE: &str = "set it to an absolute path, such as /tmp/my-locks; all processes that measure on this machine \
                         must use the same folder";
@@ -61,8 +63,21 @@ impl Folder {
         self.path.join(format!("{lock}.lock"))
     }
 
-    /// Opens the file of the lock `lock` for reading and writing. Creates the file if it is missing.
+    /// Opens the file of the lock `lock` for reading and writing. Creates the folder and the file if they are missing.
     pub fn open(&self, lock: &str) -> std::io::Result<File> {
+        // Processes that make the folder at the same time replace it while it is still empty ([`make_shared`]). A file
+        // that is created in the replaced folder at this moment is not found, so it is created again.
+        let is_replaced = |error: &IoError| self.shared && error.kind() == ErrorKind::NotFound;
+        for _ in 1..ATTEMPTS {
+            match self.open_once(lock) {
+                Err(error) if is_replaced(&error) => {}
+                opened => return opened,
+            }
+        }
+        self.open_once(lock)
+    }
+
+    fn open_once(&self, lock: &str) -> std::io::Result<File> {
         self.make()?;
         let path = self.path(lock);
         own_file(&path)?;
@@ -207,14 +222,16 @@ mod tests {
     #[test]
     fn of_processes_that_make_the_same_lock_at_once_all_open_the_same_file() {
         use std::os::unix::fs::MetadataExt as _;
-        let parent = tempfile::tempdir().unwrap();
-        let folder = Folder { path: parent.path().join("locks"), shared: true };
-        let files: Vec<u64> = std::thread::scope(|scope| {
-            let open = |_| scope.spawn(|| folder.open("cpu").unwrap().metadata().unwrap().ino());
-            let threads: Vec<_> = (0..8).map(open).collect();
-            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
-        });
-        assert!(files.iter().all(|file| *file == files[0]), "{files:?}");
+        for _ in 0..100 {
+            let parent = tempfile::tempdir().unwrap();
+            let folder = Folder { path: parent.path().join("locks"), shared: true };
+            let files: Vec<u64> = std::thread::scope(|scope| {
+                let open = |_| scope.spawn(|| folder.open("cpu").unwrap().metadata().unwrap().ino());
+                let threads: Vec<_> = (0..8).map(open).collect();
+                threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+            });
+            assert!(files.iter().all(|file| *file == files[0]), "{files:?}");
+        }
     }
 
     #[test]

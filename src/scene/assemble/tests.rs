@@ -1216,7 +1216,7 @@ fn parts_of_a_mesh_file_that_the_scene_leaves_out_or_replaces_cause_no_notes() {
     let folder = tempfile::tempdir().unwrap();
     let [path, mesh] = ["a.toml", "a.obj"].map(|name| folder.path().join(name));
     image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
-    let mtl = "newmtl a\nmap_Kd -mm 0 1 dot.png\nnewmtl b\nKd 0.5 0.5 0.5\nmap_Bump no.png\nmap_Ke no.png\n";
+    let mtl = "newmtl a\nmap_Kd -mm 0 2 dot.png\nnewmtl b\nKd 0.5 0.5 0.5\nmap_Bump no.png\nmap_Ke no.png\n";
     std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
     let corners = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nvt 0 0 5\ns off\n";
     let faces = "usemtl a\nf 1/1 2/1 3/1\nf 1 2 3\nusemtl b\nf 1 2 3\n";

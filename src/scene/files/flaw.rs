@@ -2,9 +2,13 @@
 //! file's folder. This mesh may belong to somebody else, so errors must not quote it.
 
 use crate::error::Error;
+use crate::scene::obj::{has_decimal_comma, quoted_number};
 
 /// The remedy, in the help of an error, for a mesh file with a mistake.
 const EXPORT: &str = "the file may be cut off or damaged; export it again, or convert it to OBJ";
+/// The remedy for a mesh file whose numbers have decimal commas.
+const POINTS: &str = "set the program that wrote the file to decimal points (often a setting of its language or number \
+     format), and export the file again";
 /// The remedy if the error must not quote the mesh file.
 const OUTSIDE: &str = "the mesh's text is not shown, since the mesh is outside the folder of the file that names it; \
      `raycl render MESH` shows the mistake";
@@ -29,6 +33,13 @@ impl Flaw {
     /// without text of the file.
     pub fn quoting(what: impl Into<String>, unquoted: impl Into<String>) -> Self {
         Self { unquoted: Some(unquoted.into()), ..Self::from(what) }
+    }
+
+    /// Returns a `Flaw` with a token of the file that is not a valid number. `what` follows the token in the description
+    /// that quotes the file; `unquoted` is the other description.
+    pub fn not_a_number(token: &[u8], what: &str, unquoted: impl Into<String>) -> Self {
+        let flaw = Self::quoting(format!("{}{what}", quoted_number(token)), unquoted);
+        if has_decimal_comma(token) { flaw.with_remedy(POINTS) } else { flaw }
     }
 
     /// Sets the number of the line that contains the mistake.
@@ -80,6 +91,17 @@ impl Named<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_with_a_decimal_comma_has_a_remedy_of_its_own() {
+        let error = |token: &[u8], quotes| {
+            Named { name: "a", quotes }.error(Flaw::not_a_number(token, "; expected a number", "no number"))
+        };
+        let comma = error(b"0,5", true);
+        assert_eq!(comma.to_string(), "a: `0,5` (a comma instead of a decimal point); expected a number");
+        assert_eq!([comma.remedy(), error(b"x", true).remedy()], [POINTS, EXPORT]);
+        assert_eq!([error(b"0,5", false).to_string(), error(b"x", false).to_string()], ["a: no number"; 2]);
+    }
 
     #[test]
     fn a_mistake_is_quoted_only_where_that_is_permitted_and_reported_in_any_case() {

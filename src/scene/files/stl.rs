@@ -12,7 +12,7 @@ use crate::memory::Available;
 use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
-use crate::scene::obj::{Asked, Wish, decimal, quoted, split_lines};
+use crate::scene::obj::{Asked, Wish, decimal, split_lines};
 use crate::words::{counted, counted_are};
 use glam::DVec3;
 use normals::Normal;
@@ -279,7 +279,7 @@ fn vertex<'a>(
         let (line, word) = next.ok_or_else(short)?;
         decimal(word).ok_or_else(|| {
             let expected = "in a vertex; expected a finite decimal number";
-            Flaw::quoting(format!("{} {expected}", quoted(word)), format!("not a number {expected}")).at(line)
+            Flaw::not_a_number(word, &format!(" {expected}"), format!("not a number {expected}")).at(line)
         })
     };
     let corner = DVec3::new(number()?, number()?, number()?);

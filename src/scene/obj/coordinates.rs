@@ -2,7 +2,7 @@
 //! since single precision would lose the digits after the point. The digits after the point decide where a
 //! repeated texture lies on a triangle.
 
-use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens};
+use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted_number, tokens};
 use crate::scene::Mapped;
 
 /// The texture coordinates of a file, or of a piece of it.
@@ -81,7 +81,7 @@ fn coordinate<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) ->
     let mut next = |usual: Option<&'static [u8]>| {
         let token = tokens.next().or(usual).unwrap_or_default();
         let wrong = "in a texture coordinate (vt); expected a finite decimal number";
-        value(token).ok_or_else(|| Mistake::new(offset, format!("{} {wrong}", quoted(token))))
+        value(token).ok_or_else(|| Mistake::new(offset, format!("{} {wrong}", quoted_number(token))))
     };
     Ok([next(None)?, next(Some(b"0"))?])
 }

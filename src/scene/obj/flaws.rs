@@ -10,9 +10,8 @@ use std::collections::{BTreeMap, BTreeSet};
 pub(super) struct Flaws {
     /// The files whose materials have flaws.
     pub files: Vec<FileFlaws>,
-    /// The names of materials with several definitions that differ. After each name is the index of the definition that
-    /// is used.
-    pub repeated: BTreeMap<String, u32>,
+    /// The names of materials with several definitions that differ. After each name is the definition that is used.
+    pub repeated: BTreeMap<String, Definition>,
     /// True if messages may contain these names.
     pub quotes: bool,
 }
@@ -25,21 +24,33 @@ impl Flaws {
 
     /// Returns notes on the materials that triangles use: those for which `used` is true.
     pub fn notes(self, used: &[bool]) -> Vec<String> {
-        let names: Vec<_> = self.repeated.iter().filter(|(_, index)| used[**index as usize]).collect();
-        let several = names.first().map(|(first, _)| several_definitions(first, names.len(), self.quotes));
+        let names: Vec<_> =
+            self.repeated.iter().filter(|(_, definition)| used[definition.index as usize]).collect();
+        let several = names.first().map(|first| several_definitions(*first, names.len(), self.quotes));
         self.files.into_iter().flat_map(|file| file.notes(used)).chain(several).collect()
     }
 }
 
-/// Returns a note on `count` materials that have several different definitions, such as the material `first`.
-fn several_definitions(first: &str, count: usize, quotes: bool) -> String {
-    let such_as = if count == 1 { "material" } else { "for example material" };
-    let shown = if quotes { format!(" ({such_as} {})", quoted(first.as_bytes())) } else { String::new() };
+/// Returns a note on `count` materials that have several different definitions, such as the material with the name and
+/// the definition `first`.
+fn several_definitions(first: (&String, &Definition), count: usize, quotes: bool) -> String {
+    let such_as = if count == 1 { "for" } else { "for example, for" };
+    let shown = || format!(" ({such_as} {}, the last one in {})", quoted(first.0.as_bytes()), first.1.file);
+    let shown = if quotes { shown() } else { String::new() };
     let have = if count == 1 { "has" } else { "have" };
     let materials = counted(count, "material");
     format!(
-        "{materials} {have} several definitions that differ{shown}: only one definition per material is used"
+        "{materials} {have} several definitions that differ: only one definition per material is used{shown}"
     )
+}
+
+/// A definition of a material.
+#[derive(Clone)]
+pub(super) struct Definition {
+    /// The material's index in the list of all materials.
+    pub index: u32,
+    /// The name of the definition's file, for messages. Within this file, it is the last definition of its name.
+    pub file: String,
 }
 
 /// The flaws of an MTL file.

@@ -48,7 +48,9 @@ pub(in crate::scene) use asked::{Asked, Wish};
 pub(in crate::scene) use mtl::Reach;
 pub(in crate::scene) use notes::of_materials as note_materials;
 pub(in crate::scene) use polygon::{MAX_CONCAVE_CORNERS, triangulate};
-pub(in crate::scene) use text::{decimal, quoted, quoted_name, split_lines};
+pub(in crate::scene) use text::{
+    decimal, has_decimal_comma, quoted, quoted_name, quoted_number, split_lines,
+};
 pub(in crate::scene) use textures::{finite, unmapped};
 
 /// The permissions for reading a mesh.

@@ -3,7 +3,7 @@
 
 use super::Permitted;
 use super::asked::{Asked, Wish};
-use super::flaws::{FileFlaws, Flaws, LineFlaws};
+use super::flaws::{Definition, FileFlaws, Flaws, LineFlaws};
 use super::namesakes::Namesakes;
 use super::text::{
     Chunk, Mistake, Seen, Source, keyword, possible_names, possible_paths, quoted_name, tokens, words,
@@ -109,6 +109,8 @@ struct Names {
     short: Vec<(String, u32)>,
     /// True if messages may contain the names.
     quotes: bool,
+    /// The file's name in messages.
+    file: String,
 }
 
 impl Loader {
@@ -163,22 +165,24 @@ impl Loader {
     fn named(mut self, order: &[usize]) -> Materials {
         self.materials.flaws.quotes = self.names.iter().all(|names| names.quotes);
         for part in [|names: &mut Names| take(&mut names.whole), |names: &mut Names| take(&mut names.short)] {
-            let mut own: HashMap<String, u32> = HashMap::new();
-            for (name, index) in order.iter().flat_map(|file| part(&mut self.names[*file]).into_iter().rev())
-            {
-                if self.materials.by_name.contains_key(&name) {
-                    continue;
-                }
-                match own.entry(name) {
-                    Entry::Occupied(kept) if self.materials.differ(*kept.get(), index) => {
-                        self.materials.flaws.repeated.insert(kept.key().clone(), *kept.get());
+            let mut own: HashMap<String, Definition> = HashMap::new();
+            for file in order {
+                let names = &mut self.names[*file];
+                for (name, index) in part(names).into_iter().rev() {
+                    if self.materials.by_name.contains_key(&name) {
+                        continue;
                     }
-                    kept => {
-                        kept.or_insert(index);
+                    match own.entry(name) {
+                        Entry::Occupied(kept) if self.materials.differ(kept.get().index, index) => {
+                            self.materials.flaws.repeated.insert(kept.key().clone(), kept.get().clone());
+                        }
+                        kept => {
+                            kept.or_insert_with(|| Definition { index, file: names.file.clone() });
+                        }
                     }
                 }
             }
-            self.materials.by_name.extend(own);
+            self.materials.by_name.extend(own.into_iter().map(|(name, definition)| (name, definition.index)));
         }
         self.materials
     }
@@ -289,7 +293,7 @@ impl Reach<'_> {
     /// Returns the part of a note that names a file with a similar name. A name is similar if it differs from one of
     /// `names`, the possible names of a file that cannot be used, only in upper and lower case. Returns an empty text
     /// if there is no file with a similar name, or if a file has exactly one of `names`.
-    pub(super) fn other_case(&self, names: impl Iterator<Item = impl AsRef<str>>) -> String {
+    pub(in crate::scene) fn other_case(&self, names: impl Iterator<Item = impl AsRef<str>>) -> String {
         let names: Vec<_> = names.map(|name| self.path(name.as_ref())).collect();
         if names.iter().any(|name| name.exists()) {
             return String::new();
@@ -341,7 +345,6 @@ impl Materials {
     ) -> Result<Names> {
         let text = super::text::normalise(bytes);
         let quotes = reach.permitted.quotes && lies_in(path, reach.folder);
-        let mut names = Names { quotes, ..Names::default() };
         let relative = name.replace('\\', "/");
         let folder = &relative[..relative.rfind('/').map_or(0, |slash| slash + 1)];
         // The name comes from the mesh's text, so messages contain the name only if they may quote the mesh.
@@ -349,6 +352,7 @@ impl Materials {
             true => reach.folder.join(&relative).display().to_string(),
             false => "its MTL file".to_owned(),
         };
+        let mut names = Names { quotes, file: name.clone(), ..Names::default() };
         let source = Source { name, text: &text, quotes };
         let checked = check(&text);
         let early = "lines before the first newmtl are not read";

@@ -6,7 +6,7 @@ use super::asked::Asked;
 use super::odd::Odd;
 use super::smoothing;
 use super::text::{
-    Chunk, Mistake, Seen, Source, decimal, keyword, number, quoted, tokens, usual_vector, words,
+    Chunk, Mistake, Seen, Source, decimal, keyword, number, quoted_number, tokens, usual_vector, words,
 };
 use super::vertex_colours::UNCOLOURED;
 use super::wishes;
@@ -349,7 +349,7 @@ fn vector<'a>(
                 Some(_) => format!("expected a number within +-{}", reading.limit()),
                 None => "expected a finite decimal number".to_owned(),
             };
-            Mistake::new(offset, format!("{} in a {what}; {expected}", quoted(token)))
+            Mistake::new(offset, format!("{} in a {what}; {expected}", quoted_number(token)))
         })?;
     }
     Ok(Vec3::from_array(values))

@@ -290,7 +290,7 @@ fn each_keyword_that_asks_for_something_is_noted_unless_it_says_off() {
     let of_materials = [
         (&["illum 3", "illum 5", "illum 8"][..], "mirror reflections"),
         (&["illum 4", "illum 6", "illum 7", "illum 9"], "refraction"),
-        (&["Pr 0.9", "Pm 1", "Ps 1", "Pc 1", "Pcr 1", "aniso 1", "anisor 1"], "physically based shading"),
+        (&["Pr 0.9", "Pm 1", "Ps 1", "Pc 1", "aniso 1"], "physically based shading"),
         (&["bump a", "disp a", "decal a", "norm a", "refl a"], "textures"),
     ];
     for (lines, expected) in of_materials {
@@ -310,7 +310,7 @@ fn each_keyword_that_asks_for_something_is_noted_unless_it_says_off() {
 #[test]
 fn what_a_material_has_and_needs_not_be_done_is_not_noted() {
     let mtl = "# map_Kd\nnewmtl a\nmap_Ks\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
-               illum 2\nPm 0\nPr 1\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";
+               illum 2\nPm 0\nPr 1\nPc 0\nPcr 0.03\naniso 0\nanisor 0.5\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";
     assert_eq!(notes_of("usemtl a\nf 1 2 3\nusemtl b", mtl), Vec::<String>::new());
     // The fourth number is not part of the colour, so the colour is black and asks for no ambient light.
     let four = notes_of("usemtl a\nf 1 2 3", "newmtl a\nKa 0 0 0 1\n");

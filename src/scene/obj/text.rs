@@ -401,6 +401,20 @@ pub(in crate::scene) fn decimal(token: &[u8]) -> Option<f64> {
     std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
+/// Returns true if a token would be a finite decimal number with a point in place of its comma. Some programs write
+/// numbers in the form that is usual in their user's language.
+pub(in crate::scene) fn has_decimal_comma(token: &[u8]) -> bool {
+    let with_point = || token.iter().map(|byte| if *byte == b',' { b'.' } else { *byte }).collect::<Vec<_>>();
+    token.contains(&b',') && decimal(&with_point()).is_some()
+}
+
+/// Returns a token that is not a valid number, in quotation marks. If its only mistake is a decimal comma, the text says
+/// so.
+pub(in crate::scene) fn quoted_number(token: &[u8]) -> String {
+    let comma = if has_decimal_comma(token) { " (a comma instead of a decimal point)" } else { "" };
+    format!("{}{comma}", quoted(token))
+}
+
 /// Parses a decimal number of few digits; most numbers in meshes have few digits. Returns `None` for text
 /// that is not a decimal number of few digits.
 fn short_number(token: &[u8]) -> Option<f32> {
@@ -591,6 +605,17 @@ mod tests {
         assert_eq!(quoted(b"C:\\a'b\"c"), "`C:\\a'b\"c`");
         assert_eq!(quoted(b"a\x1b[31m"), "`a\\u{1b}[31m`");
         assert_eq!(quoted_name("a\x1b[31m"), "`a\\u{1b}[31m`");
+    }
+
+    #[test]
+    fn a_comma_instead_of_a_decimal_point_is_named() {
+        for token in ["0,5", "-1,000000", "2,5e-3", ",5"] {
+            let expected = format!("`{token}` (a comma instead of a decimal point)");
+            assert_eq!(quoted_number(token.as_bytes()), expected);
+        }
+        for token in ["1,000,000", "1,000.5", ",", "a,b", "nan", "x"] {
+            assert_eq!(quoted_number(token.as_bytes()), format!("`{token}`"));
+        }
     }
 
     #[test]

@@ -299,12 +299,15 @@ impl Map {
                 usize::from(after.len() > 1)
             }
             other => {
-                unsupported(b"");
-                match other {
+                let words = match other {
                     b"-t" => count,
                     b"-mm" => 2,
                     _ => usize::from(OF_ONE_WORD.contains(&other)),
+                };
+                if !is_usual(other, &after[..words.min(after.len())]) {
+                    unsupported(b"");
                 }
+                words
             }
         })
     }
@@ -402,6 +405,21 @@ fn is_option(words: &[&[u8]]) -> bool {
         [b"-s" | b"-o" | b"-t" | b"-mm", next, ..] => is_number(next),
         [b"-clamp", _, ..] => true,
         [option, _, ..] => OF_ONE_WORD.contains(option),
+        _ => false,
+    }
+}
+
+/// Returns true if an option of a texture has the values that count without this option.
+fn is_usual(option: &[u8], values: &[&[u8]]) -> bool {
+    let is = |word: &str| values.iter().all(|value| value.eq_ignore_ascii_case(word.as_bytes()));
+    let are = |usual: &[f32]| values.iter().map(|value| number(value)).eq(usual.iter().copied().map(Some));
+    match option {
+        _ if values.is_empty() => false,
+        b"-blendu" | b"-blendv" => is("on"),
+        b"-cc" => is("off"),
+        b"-bm" => are(&[1.0]),
+        b"-mm" => are(&[0.0, 1.0]),
+        b"-t" => values.iter().all(|value| number(value) == Some(0.0)),
         _ => false,
     }
 }
@@ -585,6 +603,9 @@ mod tests {
         for (rest, options) in [
             (" -bm 2 -clamp off a.png", &[" (map_Kd -bm)"][..]),
             (" -clamp off a.png", &[]),
+            (" -blendu on -blendv on -cc off -bm 1.0 -t 0 0 0 -mm 0 1 a.png", &[]),
+            (" -t 0 0.5 0 a.png", &[" (map_Kd -t)"]),
+            (" -blendu off -mm 0 2 a.png", &[" (map_Kd -blendu 1, map_Kd -mm 1)"]),
             (" -s 2 2 1 -o 1 1 0 a.png", &[]),
             (" -s 2 2 2 a.png", &[" (map_Kd -s w)"]),
             (" -o 1 1 1 a.png", &[" (map_Kd -o w)"]),

@@ -1,6 +1,6 @@
 //! Parses the numbers in MTL files. Lines with numbers that raycl cannot use are ignored, with a note.
 
-use super::text::{Seen, Source, number, quoted, tokens, words};
+use super::text::{Seen, Source, number, quoted_number, tokens, words};
 use super::wishes;
 use crate::scene::material::{DEFAULT_LAMBERTIAN, MAX_REFLECTANCE, MAX_SHININESS, PAPER_SHININESS};
 use crate::words::counted;
@@ -81,7 +81,7 @@ pub(super) fn colour(key: &str, rest: &[u8]) -> Result<[f32; 3], Unfit> {
     }
     let values = tokens(rest).take(3).map(|token| {
         let value = number(token).filter(|value| (0.0..=MAX_REFLECTANCE).contains(value));
-        value.ok_or_else(|| unfit(key.to_owned(), format!("{} in {key}", quoted(token))))
+        value.ok_or_else(|| unfit(key.to_owned(), format!("{} in {key}", quoted_number(token))))
     });
     match values.collect::<Result<Vec<f32>, _>>()?[..] {
         [grey] => Ok([grey; 3]),
@@ -124,7 +124,8 @@ pub(super) fn shininess(rest: &[u8]) -> Result<f32, Unfit> {
     let value = token.and_then(number).filter(|value| (0.0..=MAX_SHININESS).contains(value));
     value.ok_or_else(|| Unfit {
         kind: "Ns".to_owned(),
-        found: token.map_or("Ns with 0 numbers".to_owned(), |token| format!("{} in Ns", quoted(token))),
+        found: token
+            .map_or("Ns with 0 numbers".to_owned(), |token| format!("{} in Ns", quoted_number(token))),
         expected: format!("a number from 0 to {MAX_SHININESS:e}"),
         instead: format!("Without Ns, the shininess is {PAPER_SHININESS}"),
     })
@@ -155,7 +156,7 @@ pub(super) fn unused(key: &[u8], rest: &[u8]) -> Result<(), Unfit> {
     let (what, instead) = wish.words();
     Err(Unfit {
         kind: words(key),
-        found: format!("{} in {}", quoted(token), words(key)),
+        found: format!("{} in {}", quoted_number(token), words(key)),
         expected: "a finite number".to_owned(),
         instead: format!("raycl does not support {what}: {instead}"),
     })

@@ -2,7 +2,8 @@
 //! names and groups (`o`, `g`, `mg`), are not counted. Some statements have an effect only together with a
 //! second statement. Of two such statements, only the second statement is counted. Texture coordinates (`vt`)
 //! need a texture, parameters of a free-form shape (`cstype`, `deg`, `parm`, ...) need the shape, and the
-//! refractive index (`Ni`) needs a refracting material.
+//! refractive index (`Ni`) needs a refracting material. The roughness of a coat (`Pcr`) needs a coat (`Pc`), and the
+//! direction of anisotropy (`anisor`) needs anisotropy (`aniso`).
 
 use super::asked::{Asked, Wish};
 use super::text::{number, tokens};
@@ -46,7 +47,7 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     // MTL also allows the colours `spectral FILE FACTOR` and `xyz X Y Z`.
     let has_form = || matches!(tokens(rest).next(), Some(b"spectral" | b"xyz"));
     let (wish, asks) = match &lower[..] {
-        [b'#', ..] | b"" | b"illum" | b"ni" | b"sharpness" | b"map_aat" => return,
+        [b'#', ..] | b"" | b"illum" | b"ni" | b"pcr" | b"anisor" | b"sharpness" | b"map_aat" => return,
         _ if names_picture(&lower) => (Wish::Texture, has_value()),
         b"d" => (Wish::Transparency, any(|value| value < 1.0)),
         b"tr" => (Wish::Transparency, any(|value| value > 0.0)),
@@ -55,7 +56,7 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
         // A roughness of 0 asks for a smooth surface; other numbers that are 0 ask for nothing. A surface of roughness 1
         // is matt, as raycl shows it.
         b"pr" => (Wish::Physical, has_value() && !any(|value| value == 1.0)),
-        b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" => (Wish::Physical, not_zero()),
+        b"pm" | b"ps" | b"pc" | b"aniso" => (Wish::Physical, not_zero()),
         _ => (Wish::Unknown, true),
     };
     if asks {

@@ -95,9 +95,25 @@ impl<'a> Numbers<'a> {
     /// Returns the elements of a vertex attribute, such as positions. Returns an error for 32-bit whole numbers, which
     /// glTF allows only for indices: probably, the buffer holds floats.
     pub fn attribute<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
-        let expected = "5126 (float) for vertices";
-        self.refuse(&[(ComponentType::U32, "5125 (unsigned int)")], index, expected)?;
+        self.refuse_unsigned_ints(index)?;
         self.of(index)
+    }
+
+    fn refuse_unsigned_ints(&self, index: Index<Accessor>) -> Parsed<()> {
+        self.refuse(&[(ComponentType::U32, "5125 (unsigned int)")], index, "5126 (float) for vertices")
+    }
+
+    /// Returns the elements of a list of colours. glTF allows whole numbers for colours only if they are normalised, so
+    /// whole numbers are read as if their accessor said that they are.
+    pub fn colours<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
+        self.refuse_unsigned_ints(index)?;
+        self.elements(self.accessor(index)?, true).map_err(within(index))
+    }
+
+    /// Returns true if an accessor has whole numbers that are not normalised.
+    pub fn is_whole(&self, index: Index<Accessor>) -> bool {
+        let is_float = |accessor: &Accessor| matches!(&accessor.component_type, Checked::Valid(component) if component.0 == ComponentType::F32);
+        self.root.get(index).is_some_and(|accessor| !accessor.normalized && !is_float(accessor))
     }
 
     /// Returns the elements of a list of indices, which glTF never normalises. Returns an error for floats and signed

@@ -12,6 +12,7 @@ use gltf::json::Root;
 use gltf::json::buffer::{Buffer, View};
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -131,7 +132,8 @@ fn named<'a>(uri: &str, reach: Reach<'_>, files: &mut HashMap<PathBuf, Bytes<'a>
             Ok(bytes)
         }
     });
-    bytes.map_err(|why| format!("{} {why}", shown(&name)))
+    let similar = || if quotes { reach.other_case(iter::once(&name)) } else { String::new() };
+    bytes.map_err(|why| format!("{} {why}{}", shown(&name), similar()))
 }
 
 /// Reads a file. Returns an error if the file cannot be read or is too large for the host's memory.
@@ -208,6 +210,20 @@ mod tests {
         let buffers = load(&root, Reach { folder: folder.path(), permitted }, None).unwrap();
         assert_eq!(buffers.iter().map(|bytes| bytes.len()).collect::<Vec<_>>(), [4, 3, 4]);
         assert!(Rc::ptr_eq(&buffers[0], &buffers[2]));
+    }
+
+    #[test]
+    fn a_missing_file_is_named_with_one_that_differs_only_in_upper_and_lower_case() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("Mesh.bin"), "1234").unwrap();
+        let text = r#"{"asset": {"version": "2.0"}, "buffers": [{"uri": "mesh.bin", "byteLength": 4}]}"#;
+        let root: Root = serde_json::from_str(text).unwrap();
+        let error = |quotes| {
+            let permitted = Permitted { beyond: false, quotes, scaled: false };
+            message(load(&root, Reach { folder: folder.path(), permitted }, None).err().unwrap())
+        };
+        assert!(error(true).ends_with("), but there is a file `Mesh.bin`"), "{}", error(true));
+        assert!(!error(false).contains("Mesh"), "{}", error(false));
     }
 
     #[test]

@@ -59,6 +59,8 @@ pub(super) struct LeftOut {
     pub clear_colours: usize,
     /// The number of primitives with `COLOR_1`, `COLOR_2` and so on.
     pub other_colours: usize,
+    /// The number of primitives whose colours are whole numbers that the file does not call normalised.
+    pub whole_colours: usize,
     pub lines_and_points: usize,
     /// The number of primitives without a known mode.
     pub odd_modes: usize,
@@ -95,6 +97,7 @@ impl LeftOut {
         self.odd_coordinates += part.odd_coordinates;
         self.empty.extend(&part.empty);
         self.normalised += usize::from(part.has_normalised_indices);
+        self.whole_colours += usize::from(part.has_whole_colours);
         self.dangling += part.dangling;
         self.spare += part.spare;
     }
@@ -200,7 +203,7 @@ impl LeftOut {
     }
 
     /// Returns the counts of primitives (parts of meshes), and of their triangles and accessors.
-    fn primitives(&self) -> [Counted; 16] {
+    fn primitives(&self) -> [Counted; 17] {
         [
             (
                 self.distorted,
@@ -216,6 +219,11 @@ impl LeftOut {
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
             (self.other_colours, "primitive with colours other than COLOR_0", "shown without these colours"),
+            (
+                self.whole_colours,
+                "primitive with whole numbers in COLOR_0, but without `normalized`,",
+                "shown as if they were normalised",
+            ),
             (self.lines_and_points, "primitive of lines or points", "left out"),
             (self.odd_modes, "primitive of an unknown mode", "left out"),
             (self.unpositioned, "primitive of triangles without positions", "left out"),
@@ -283,6 +291,7 @@ mod tests {
             colours: Vec::new(),
             coloured: 0,
             outside: 0,
+            has_whole_colours: false,
             is_clear: false,
             coordinates: Vec::new(),
             influences: Vec::new(),

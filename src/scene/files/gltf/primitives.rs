@@ -24,6 +24,8 @@ pub(super) struct Part {
     pub coloured: usize,
     /// The number of vertices that belong to a triangle and have a colour with channels outside 0 to 1.
     pub outside: usize,
+    /// True if the file stores the colours as whole numbers that it does not call normalised.
+    pub has_whole_colours: bool,
     /// True if some of the colours have an alpha below 1.
     pub is_clear: bool,
     /// Texture coordinates: one pair per position, or none at all.
@@ -158,6 +160,7 @@ impl Part {
             colours,
             coloured: 0,
             outside: 0,
+            has_whole_colours: used.colours.is_some_and(|index| numbers.is_whole(index)),
             is_clear,
             coordinates,
             influences,
@@ -308,11 +311,11 @@ fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<(Vec<Vec3>, 
     let colour = |red: f64, green: f64, blue: f64| DVec3::new(red, green, blue).as_vec3();
     Ok(match numbers.components(index) {
         4 => {
-            let colours = numbers.attribute::<4>(index)?;
+            let colours = numbers.colours::<4>(index)?;
             let is_clear = colours.iter().any(|[.., alpha]| *alpha < 1.0);
             (colours.into_iter().map(|[r, g, b, _]| colour(r, g, b)).collect(), is_clear)
         }
-        _ => (numbers.attribute::<3>(index)?.into_iter().map(|[r, g, b]| colour(r, g, b)).collect(), false),
+        _ => (numbers.colours::<3>(index)?.into_iter().map(|[r, g, b]| colour(r, g, b)).collect(), false),
     })
 }
 

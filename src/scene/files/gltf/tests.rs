@@ -454,6 +454,25 @@ fn alpha_of_vertex_colours_is_noted_where_the_material_would_use_it() {
 }
 
 #[test]
+fn whole_numbers_of_colours_are_shown_as_if_they_were_normalised() {
+    // The bytes of the positions are the colours.
+    let text = |normalised: &str| {
+        let accessor = format!(
+            r#""type": "SCALAR"}}, {{"bufferView": 0, "byteOffset": 24, "componentType": 5121,{normalised} "count": 3, "type": "VEC4"}}"#
+        );
+        let attributes = r#"{"POSITION": 0, "COLOR_0": 2}"#;
+        triangle().replace(r#"{"POSITION": 0}"#, attributes).replace(r#""type": "SCALAR"}"#, &accessor)
+    };
+    let [whole, normalised] = ["", r#" "normalized": true,"#].map(|stated| read(&text(stated)).unwrap());
+    assert_eq!(whole.mesh.corner_colours, normalised.mesh.corner_colours);
+    // The bytes 28 to 31 are a one in single precision: 0, 0, 128, 63.
+    let blue = ((128.0_f32 / 255.0).sqrt() * 1023.0).round() as u32;
+    assert_eq!(whole.mesh.corner_colours, [[0, blue, 0]]);
+    let note = "1 primitive with whole numbers in COLOR_0, but without `normalized`, is shown as if they were normalised";
+    assert_eq!((&whole.notes[..], &normalised.notes[..]), (&[note.to_owned()][..], &[][..]));
+}
+
+#[test]
 fn what_is_required_and_lacking_is_named_and_what_is_known_is_not() {
     let required =
         |names: &str| read(&triangle().replacen('{', &format!("{{\"extensionsRequired\": [{names}], "), 1));
@@ -864,23 +883,25 @@ fn corners_after_the_last_whole_triangle_are_noted() {
 
 #[test]
 fn a_vertex_of_several_flat_triangles_is_counted_once_and_its_colour_limited() {
-    let with = |component: &str| {
-        let accessor = format!(r#"{{"bufferView": 0, {component}, "count": 3, "type": "VEC3"}}"#);
+    // The first two colours are black. The third vertex belongs to both triangles.
+    let with = |third: [f32; 3]| {
+        let data = [&bytes()[..], &[1, 0], &[0; 24], &third.map(f32::to_le_bytes).concat()].concat();
+        let view = r#"{"buffer": 0, "byteOffset": 44, "byteLength": 36}"#;
+        let accessor = r#"{"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC3"}"#;
         let text = four_indices()
+            .replace(&STANDARD.encode([&bytes()[..], &[1, 0]].concat()), &STANDARD.encode(data))
+            .replace(r#""byteLength": 44"#, r#""byteLength": 80"#)
+            .replace(r#""byteLength": 8}"#, &format!(r#""byteLength": 8}}, {view}"#))
             .replace(r#""indices": 1"#, r#""indices": 1, "mode": 5"#)
             .replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0, "COLOR_0": 2}"#)
             .replace(r#""type": "SCALAR"}"#, &format!(r#""type": "SCALAR"}}, {accessor}"#));
         read(&text).unwrap()
     };
-    let file = with(r#""componentType": 5126"#);
+    let file = with([1.0, 0.5, 0.0]);
     assert_eq!(file.mesh.triangles.len(), 2);
     assert_eq!(file.notes, [""; 0]);
-    // In the second file, the three colours are nine bytes of the positions, read as whole numbers. Seven of
-    // the nine bytes are zero; the last two bytes of the floating-point number 1 are 128 and 63. The third
-    // colour contains 128 and 63, so it has channels larger than 1.
-    let notes = with(r#""byteOffset": 8, "componentType": 5121"#).notes;
     let outside = "1 vertex with a colour outside 0 to 1 is shown with channels limited to this range";
-    assert_eq!(notes, [outside]);
+    assert_eq!(with([2.0, 0.5, 0.0]).notes, [outside]);
 }
 
 #[test]

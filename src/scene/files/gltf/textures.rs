@@ -16,6 +16,7 @@ use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, image::Image};
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashSet};
+use std::iter;
 
 /// Texture coordinates with a larger absolute value are inexact. glTF stores coordinates in single precision,
 /// and beyond this value, neighbouring numbers differ by at least 1/2048 of the picture's side.
@@ -150,7 +151,8 @@ impl Files<'_> {
     ) -> Parsed<u32> {
         if let Some(name) = file_name(image) {
             let file = pictures.file(self.reach, &name, usage);
-            return file.map_err(|why| format!("{} {why}", quoted_name(&name)));
+            let similar = || self.reach.other_case(iter::once(&name));
+            return file.map_err(|why| format!("{} {why}{}", quoted_name(&name), similar()));
         }
         let key = index.value().to_string();
         match (&image.uri, image.buffer_view) {

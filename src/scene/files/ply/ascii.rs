@@ -123,7 +123,7 @@ fn next<'a, T>(
     let word = words.next().ok_or("the line has fewer numbers than its element needs")?;
     read(word).ok_or_else(|| {
         let unquoted = format!("a value is not valid; expected {expected}");
-        Flaw::quoting(format!("{}; expected {expected}", quoted(word)), unquoted)
+        Flaw::not_a_number(word, &format!("; expected {expected}"), unquoted)
     })
 }
 

@@ -364,6 +364,20 @@ fn no_command_writes_to_the_path_of_a_picture_that_raycl_does_not_use() {
 }
 
 #[test]
+fn a_missing_picture_is_named_with_a_file_that_differs_only_in_upper_and_lower_case() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("wood.png"), png()).unwrap();
+    let material = r#"{"pbrMetallicRoughness": {"metallicFactor": 0, "baseColorTexture": {"index": 0}}}"#;
+    let whole = format!("data:image/png;base64,{}", STANDARD.encode(png()));
+    let text = textured(material).replace(&whole, "Wood.PNG");
+    let notes = parse("a.gltf", Reach { folder: folder.path(), permitted: PERMITTED }, text.as_bytes())
+        .unwrap()
+        .notes;
+    let expected = "), but there is a file `wood.png`: its material's own colour is used";
+    assert!(notes.len() == 1 && notes[0].ends_with(expected), "{notes:?}");
+}
+
+#[test]
 fn an_escape_in_the_name_of_a_picture_stands_for_its_character() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a b.png"), png()).unwrap();
