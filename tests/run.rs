@@ -443,11 +443,12 @@ fn a_folder_that_cannot_be_made_is_refused() {
 #[test]
 fn without_a_terminal_progress_is_plain_lines_and_the_table_comes_last() {
     let (folder, device) = (new_folder(), device());
-    let output = folder.raycl(&arguments(&device, &[])).assert().success().get_output().clone();
+    // The folder does not exist, so nothing is resumed.
+    let output = folder.raycl(&arguments(&device, &["--resume"])).assert().success().get_output().clone();
     let (progress, table) =
         (String::from_utf8(output.stderr).expect("UTF-8"), String::from_utf8(output.stdout).expect("UTF-8"));
     assert_eq!(progress.lines().filter(|line| line.contains(" ms, n = 5")).count(), 5, "{progress}");
-    has(&progress, &["[1/5", "[5/5] "]);
+    has(&progress, &["out has no results yet: the run begins\n", "[1/5", "[5/5] "]);
     assert!(!progress.contains('\u{1b}') && !table.contains('\u{1b}'), "{progress}{table}");
     has(&table, &["median ms", "strategy", "4x4", "8x2", "* fastest", "out/images", "out/summary.md"]);
 }

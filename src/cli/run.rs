@@ -331,6 +331,9 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
         .and_then(|()| keep_peak(args, &run, peak, &mut results, observer, &interrupted));
     let measured = is_ready.and_then(|()| {
         if !args.quiet {
+            if args.resume && results.past().is_empty() {
+                observer.says(&format!("{} has no results yet: the run begins", out.display()));
+            }
             let expected = expected.map_or_else(|| foreseen(&run, &out, results.past()), Ok)?;
             observer.says(&expected.to_string());
             say_copies(&experiment, observer);

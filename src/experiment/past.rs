@@ -74,6 +74,11 @@ impl Past {
         Ok(Self { ends: by_launch(ends), latencies, next_launch: past.next_launch.max(next), ..past })
     }
 
+    /// Returns true if earlier sessions measured nothing in the folder.
+    pub fn is_empty(&self) -> bool {
+        self.records.is_empty() && self.samples.is_empty()
+    }
+
     /// Takes the last record of each finished point from `lines`, and sorts the samples by their points. Also finds out
     /// which device measured each launch, and which number the next launch gets.
     pub(super) fn of(lines: Vec<Record>, samples: Vec<Sample>) -> Self {
