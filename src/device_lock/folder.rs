@@ -65,16 +65,7 @@ impl Folder {
 
     /// Opens the file of the lock `lock` for reading and writing. Creates the folder and the file if they are missing.
     pub fn open(&self, lock: &str) -> std::io::Result<File> {
-        // Processes that make the folder at the same time replace it while it is still empty ([`make_shared`]). A file
-        // that is created in the replaced folder at this moment is not found, so it is created again.
-        let is_replaced = |error: &IoError| self.shared && error.kind() == ErrorKind::NotFound;
-        for _ in 1..ATTEMPTS {
-            match self.open_once(lock) {
-                Err(error) if is_replaced(&error) => {}
-                opened => return opened,
-            }
-        }
-        self.open_once(lock)
+        if self.shared { until_found(|| self.open_once(lock)) } else { self.open_once(lock) }
     }
 
     fn open_once(&self, lock: &str) -> std::io::Result<File> {
@@ -122,6 +113,19 @@ impl Folder {
             false => Err(IoError::new(ErrorKind::NotADirectory, "this path is not a folder")),
         }
     }
+}
+
+/// Opens a lock in the shared folder with `open`. Processes that make this folder at the same time replace it while it is
+/// still empty ([`make_shared`]). If a file is created in the folder just when it is replaced, the file is not found, so
+/// `open` is called again.
+fn until_found(mut open: impl FnMut() -> std::io::Result<File>) -> std::io::Result<File> {
+    for _ in 1..ATTEMPTS {
+        match open() {
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            opened => return opened,
+        }
+    }
+    open()
 }
 
 /// Returns the path of the shared folder, where `temporary` is the process's folder for temporary files. On
@@ -222,7 +226,7 @@ mod tests {
     #[test]
     fn of_processes_that_make_the_same_lock_at_once_all_open_the_same_file() {
         use std::os::unix::fs::MetadataExt as _;
-        for _ in 0..100 {
+        for _ in 0..20 {
             let parent = tempfile::tempdir().unwrap();
             let folder = Folder { path: parent.path().join("locks"), shared: true };
             let files: Vec<u64> = std::thread::scope(|scope| {
@@ -232,6 +236,22 @@ mod tests {
             });
             assert!(files.iter().all(|file| *file == files[0]), "{files:?}");
         }
+    }
+
+    #[test]
+    fn a_lock_whose_folder_is_replaced_is_opened_again_and_other_errors_are_reported_at_once() {
+        let attempts = |missing: usize, end: fn() -> std::io::Result<File>| {
+            let mut count = 0;
+            let opened = until_found(|| {
+                count += 1;
+                if count <= missing { Err(ErrorKind::NotFound.into()) } else { end() }
+            });
+            (count, opened.map(drop).map_err(|error| error.kind()))
+        };
+        assert_eq!(attempts(2, tempfile::tempfile), (3, Ok(())));
+        let denied = ErrorKind::PermissionDenied;
+        assert_eq!(attempts(1, || Err(ErrorKind::PermissionDenied.into())), (2, Err(denied)));
+        assert_eq!(attempts(usize::MAX, tempfile::tempfile), (ATTEMPTS, Err(ErrorKind::NotFound)));
     }
 
     #[test]
