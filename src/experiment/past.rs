@@ -130,6 +130,15 @@ mod tests {
     }
 
     #[test]
+    fn samples_without_records_are_results_too() {
+        let sample = Sample { key: "a".into(), ..Sample::default() };
+        let record = Record { key: "a".into(), ..Record::default() };
+        let is_empty = |records: Vec<Record>, samples: Vec<Sample>| Past::of(records, samples).is_empty();
+        assert!(is_empty(Vec::new(), Vec::new()));
+        assert!(!is_empty(vec![record], Vec::new()) && !is_empty(Vec::new(), vec![sample]));
+    }
+
+    #[test]
     fn no_launch_of_any_journal_is_used_again() {
         let next = |store: &dyn Fn(&mut Results)| {
             let folder = tempfile::tempdir().unwrap();

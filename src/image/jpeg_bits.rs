@@ -100,9 +100,10 @@ impl<'a> Bits<'a> {
     }
 
     /// Returns true if more than one byte is left before the next marker.
-    pub(super) fn has_more(&self) -> bool {
+    pub(super) fn has_more(&mut self) -> bool {
+        self.fill();
         let added = if self.is_padded { 8 } else { 0 };
-        self.count.saturating_sub(added) >= 16 || !matches!(self.rest, [] | [MARKER] | [MARKER, 1..=0xff, ..])
+        self.count.saturating_sub(added) >= 16
     }
 
     /// Passes the marker for the restart `index`.
@@ -118,6 +119,47 @@ impl<'a> Bits<'a> {
     pub(super) fn pass_rest(&mut self) {
         while let [MARKER, 0, rest @ ..] | [0..=0xfe, rest @ ..] = self.rest {
             self.rest = rest;
+        }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// Returns the table of a segment with one table, which has these values for codes of one and of two bits.
+    pub(in crate::image) fn table(one: &[u8], two: &[u8]) -> Option<Codes> {
+        let mut codes = <[Codes; 8]>::default();
+        let mut data = vec![0x12, one.len() as u8, two.len() as u8];
+        data.resize(17, 0);
+        data.extend(one.iter().chain(two));
+        add_codes(&mut codes, &data)?;
+        Some(std::mem::take(&mut codes[4 + 2]))
+    }
+
+    #[test]
+    fn a_table_has_at_most_as_many_codes_as_there_are_bits_for() {
+        assert!(table(&[1, 2], &[]).is_some() && table(&[1], &[2, 3]).is_some());
+        assert!(table(&[1, 2, 3], &[]).is_none() && table(&[1], &[2, 3, 4]).is_none());
+    }
+
+    #[test]
+    fn bits_end_eight_zeros_after_the_last_byte_and_any_number_can_be_passed() {
+        let mut bits = Bits::of(&[MARKER, 0, 0x12, 0x34, 0x56, 0x78, 0x9a, 0xbc, MARKER, 0xd9]);
+        assert_eq!((bits.number(8), bits.pass_bits(36), bits.number(8)), (Some(0xff), Some(()), Some(0xab)));
+        assert_eq!([4, 8, 1].map(|count| bits.number(count)), [Some(0xc), Some(0), None]);
+        assert_eq!(Bits::of(&[0; 4]).pass_bits(41), None);
+    }
+
+    #[test]
+    fn more_than_a_byte_is_left_wherever_reading_stopped() {
+        for length in 3..20 {
+            let data = vec![0; length];
+            for read in 0..8 * length as u32 {
+                let mut bits = Bits::of(&data);
+                assert_eq!((0..read).find_map(|_| bits.number(1).is_none().then_some(())), None);
+                assert_eq!(bits.has_more(), 8 * length as u32 - read >= 16, "{read} of {length} bytes");
+            }
         }
     }
 }

@@ -124,3 +124,40 @@ impl Layered {
         Some(at)
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::super::jpeg::MARKER;
+    use super::super::jpeg_bits::tests::table;
+    use super::*;
+
+    /// Passes a block of a first scan of the coefficients `first` to `last`. The code 0 means `value`, and the code 10
+    /// ends the block. Returns the coefficients that are not 0, and the next eight bits.
+    fn passed(first: u32, last: u32, value: u8, data: &[u8]) -> Option<(u64, Option<u32>)> {
+        let codes = table(&[value], &[0]).unwrap();
+        let mut layered = Layered::new(Layer { first, last, is_refinement: false });
+        let (mut bits, mut nonzero) = (Bits::of(data), 0);
+        layered.pass(&mut bits, [&codes; 2], &mut nonzero)?;
+        Some((nonzero, bits.number(8)))
+    }
+
+    #[test]
+    fn a_first_coefficient_has_at_most_fifteen_bits() {
+        assert_eq!(passed(0, 0, 15, &[0x7f, MARKER, 0, 0xab]), Some((0, Some(0xab))));
+        assert_eq!(passed(0, 0, 16, &[0; 4]), None);
+    }
+
+    #[test]
+    fn sixteen_zeros_end_no_block_and_are_no_coefficients() {
+        // The code of sixteen zeros occurs twice, then the end of the block.
+        assert_eq!(passed(1, 63, 0xf0, &[0b0010_1010, 0b1011_0000]), Some((0, Some(0b1010_1011))));
+        assert_eq!(passed(1, 63, 0x21, &[0b0110_1010, 0b1011_0000]), Some((1 << 3, Some(0b1010_1011))));
+    }
+
+    #[test]
+    fn no_coefficient_is_beyond_the_last_one_of_the_scan() {
+        assert_eq!(passed(1, 3, 0x31, &[0; 4]), None);
+        assert!(passed(1, 3, 0x21, &[0; 4]).is_some());
+    }
+}

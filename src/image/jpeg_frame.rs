@@ -150,3 +150,33 @@ impl Scan {
 pub(super) fn number(data: &[u8], at: usize) -> Option<u16> {
     Some(u16::from_be_bytes(*data.get(at..)?.first_chunk()?))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the frame of a progressive picture with two components, the first with this sampling.
+    fn frame(height: [u8; 2], width: [u8; 2], sampling: u8) -> Option<Frame> {
+        let size = [height, width].concat();
+        Frame::of_segment(PROGRESSIVE, &[&[8], &size[..], &[2, 1, sampling, 0, 2, 0x11, 0]].concat())
+    }
+
+    #[test]
+    fn a_frame_has_pixels_but_not_too_many_and_every_component_has_blocks() {
+        assert!(frame([0, 8], [0, 8], 0x21).is_some() && frame([0x40, 0], [0x40, 0], 0x11).is_some());
+        for size in [[[0, 0], [0, 8]], [[0, 8], [0, 0]], [[0x40, 0], [0x40, 1]], [[0xff, 0xff]; 2]] {
+            assert!(frame(size[0], size[1], 0x11).is_none(), "{size:?}");
+        }
+        assert!([0x01, 0x10, 0].iter().all(|sampling| frame([0, 8], [0, 8], *sampling).is_none()));
+    }
+
+    #[test]
+    fn a_scan_of_a_progressive_picture_has_the_first_coefficient_or_later_ones_of_one_component() {
+        let Some(frame) = frame([0, 8], [0, 8], 0x11) else { unreachable!("the frame is valid") };
+        let one = |first: u8, last: u8| frame.scan(&[1, 2, 0, first, last, 0]).is_some();
+        assert!(one(0, 0) && one(1, 63) && one(5, 5) && !one(0, 1) && !one(1, 64) && !one(5, 4));
+        let both = |first: u8, last: u8| frame.scan(&[2, 1, 0, 2, 0, first, last, 0]).is_some();
+        assert!(both(0, 0) && !both(1, 63));
+        assert!(frame.scan(&[1, 3, 0, 0, 0, 0]).is_none(), "no such component");
+    }
+}

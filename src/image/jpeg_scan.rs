@@ -244,5 +244,7 @@ mod tests {
             assert!(is_damaged(&with(&[values, &[0; 3]].concat())), "{scan:?}: more");
             assert!(!is_damaged(&with(&[values, &[0]].concat())), "{scan:?}: one byte more");
         }
+        let last = whole.windows(2).rposition(|pair| pair == [MARKER, START_OF_SCAN]).unwrap();
+        assert!(is_damaged(&[&whole[..last], &END].concat()), "without the last scan");
     }
 }

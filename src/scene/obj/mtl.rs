@@ -720,7 +720,7 @@ mod tests {
     fn a_note_names_a_file_whose_name_differs_in_upper_and_lower_case() {
         let paint = "newmtl paint\nmap_Kd Tex.PNG\n";
         // The picture `broken.png` exists, so `BROKEN.PNG` is not the missing file.
-        let broken = "newmtl broken\nmap_Kd broken.png\n";
+        let broken = "newmtl paint\nmap_Kd broken.png\n";
         let files = [
             ("case.mtl", "newmtl other\n"),
             ("Paint.mtl", paint),

@@ -605,6 +605,7 @@ mod tests {
             (" -clamp off a.png", &[]),
             (" -blendu on -blendv on -cc off -bm 1.0 -t 0 0 0 -mm 0 1 a.png", &[]),
             (" -t 0 0.5 0 a.png", &[" (map_Kd -t)"]),
+            (" -t a.png", &[" (map_Kd -t)"]),
             (" -blendu off -mm 0 2 a.png", &[" (map_Kd -blendu 1, map_Kd -mm 1)"]),
             (" -s 2 2 1 -o 1 1 0 a.png", &[]),
             (" -s 2 2 2 a.png", &[" (map_Kd -s w)"]),
@@ -637,6 +638,9 @@ mod tests {
             "a -s 2",
             "v1.5 -o 1 b.png",
             "No.12 -o view.png",
+            "No.1 -s 2",
+            "wood.large -s 2",
+            "wood.a+b -s 2",
             "a.png -s",
         ] {
             assert_eq!(map(&format!(" {name}")), usual(name));

@@ -801,6 +801,26 @@ fn a_texture_without_a_file_or_without_the_numbers_of_an_option_is_noted_by_its_
 }
 
 #[test]
+fn a_mask_or_an_emission_texture_that_is_placed_differently_is_noted() {
+    let places = |mtl: &str| -> Vec<String> {
+        let notes = notes_of("usemtl a", &format!("newmtl a\n{mtl}"));
+        notes.into_iter().filter(|note| note.contains("different scales, offsets or wrap modes")).collect()
+    };
+    let cases = [
+        ("map_Kd -s 2 2 a.png\nmap_d -s 2 2 b.png\nmap_Ke -s 2 2 c.png\n", ""),
+        ("map_Kd -s 2 2 a.png\nmap_d b.png\n", "(map_d)"),
+        ("map_Kd a.png\nmap_Ke -clamp on c.png\n", "(map_Ke)"),
+        ("map_d b.png\nmap_Ke -o 0.5 c.png\n", "(map_Ke)"),
+        ("map_Kd -s 2 2 a.png\nmap_d b.png\nmap_Ke c.png\n", "(map_Ke 1, map_d 1)"),
+    ];
+    for (mtl, keywords) in cases {
+        let notes = places(mtl);
+        assert_eq!(notes.len(), usize::from(!keywords.is_empty()), "{mtl}: {notes:?}");
+        assert!(notes.iter().all(|note| note.contains(keywords)), "{mtl}: {notes:?}");
+    }
+}
+
+#[test]
 fn only_the_last_line_of_a_texture_counts_with_its_options() {
     let mtl = "newmtl a\nmap_Kd -mm 0 2 a.png\nmap_Kd a.png\nmap_d -mm 0 2 b.png\n";
     let notes = notes_of("usemtl a", mtl);
