@@ -1,5 +1,5 @@
-//! Waits for child processes, up to a time limit or until the caller no longer needs a process's output. Tells
-//! crashes from other ends of a process.
+//! Waits for child processes, up to a time limit or until the caller no longer needs a process's output.
+//! Distinguishes crashes from the other ways in which a process can end.
 
 use crate::threads::locked;
 use std::io::{Read, Result as IoResult, Write, copy};

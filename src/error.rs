@@ -202,7 +202,8 @@ impl Error {
     /// Returns an error for a file of results that cannot be written.
     pub fn unwritable(path: &Path, error: &std::io::Error) -> Self {
         let usual = match error.kind() {
-            // raycl makes a missing file, so it is not the file but its folder that is missing.
+            // raycl creates the file if only the file is missing, so this error means that the file's folder
+            // is missing.
             std::io::ErrorKind::NotFound => MOVED,
             _ if is_forbidden(error) => ELSEWHERE_ONLY,
             _ => ELSEWHERE,

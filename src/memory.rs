@@ -65,13 +65,13 @@ pub fn address_space_limit() -> Option<u64> {
 }
 
 /// Returns how many more bytes of address space this process may use; `None` if there is no limit, or if the
-/// system does not report the limit or the use.
+/// system does not report the limit or the number of bytes in use.
 fn address_space_left() -> Option<u64> {
     left_below(&read_text(Path::new(LIMITS))?, &read_text(Path::new(STATUS))?)
 }
 
 /// Returns how many more bytes of address space a process may use, according to the texts of its files `limits` and
-/// `status` in /proc; `None` if there is no limit, or if the texts do not state the limit or the use.
+/// `status` in /proc; `None` if there is no limit, or if the texts lack the limit or the number of bytes in use.
 fn left_below(limits: &str, status: &str) -> Option<u64> {
     let used = kibibytes(status, "VmSize:")?;
     Some(address_space(limits)?.saturating_sub(used))

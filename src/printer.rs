@@ -112,7 +112,7 @@ pub(crate) fn muted<T>(work: impl FnOnce() -> T) -> T {
     work()
 }
 
-/// Returns `work` for another thread: [`tell`] prints nothing during `work` if it prints nothing in this thread now.
+/// Wraps `work`, which another thread will call. If this thread is muted now, [`tell`] prints nothing during `work`.
 pub(crate) fn muted_as_here<T>(work: impl FnOnce() -> T) -> impl FnOnce() -> T {
     let is_muted = IS_MUTED.get();
     move || if is_muted { muted(work) } else { work() }

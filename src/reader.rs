@@ -183,8 +183,8 @@ pub fn within(bytes: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     }
 }
 
-/// Returns the largest number of bytes that a file of this kind may have, and the error of a larger file; `None` if
-/// this module does not limit the size.
+/// Returns the largest number of bytes that a file of this kind may have, and the error for a larger file; `None`
+/// if this module does not limit the size.
 fn limit_of(kind: Kind) -> Option<(u64, Error)> {
     let (_, what, limit_mib) = LIMITS_MIB.iter().find(|(known, ..)| *known == kind)?;
     let limit_mib = (*limit_mib)?;

@@ -138,8 +138,8 @@ fn both_names(message: &str) -> Option<Mistake> {
 /// belong to no table (the file's top level), the line is empty.
 type TableInFile<'s> = (String, &'s Map<String, Value>);
 
-/// Returns the remedy for an unknown key at the byte `at` of `text`. Returns a remedy only if another table than that
-/// of the unknown key has a key of this name. `schema` is the JSON schema of the file.
+/// Returns the remedy for an unknown key at the byte `at` of `text`. Returns a remedy only if the key is valid in
+/// another table. `schema` is the JSON schema of the file.
 pub fn elsewhere(schema: &Value, text: &str, at: usize, key: &str) -> Option<String> {
     let mut tables = Vec::new();
     add_tables(&mut tables, schema, "", String::new());
@@ -174,8 +174,8 @@ pub fn other_brackets(message: &str, schema: &Value, text: &str, at: usize) -> O
     is_table.then(|| format!("write {meant} with {brackets} brackets"))
 }
 
-/// Adds the table that `schema` describes, and the tables inside it. `path` is the table's dotted path, and `header` is
-/// the line in brackets that begins the table; both are empty for the top level.
+/// Adds to `all` the table that `schema` describes, and the tables inside this table. `path` is the table's dotted
+/// path, and `header` is the line in brackets that begins the table; both are empty for the top level.
 fn add_tables<'s>(all: &mut Vec<TableInFile<'s>>, schema: &'s Value, path: &str, header: String) {
     let Some(keys) = schema["properties"].as_object() else { return };
     all.push((header, keys));

@@ -98,8 +98,8 @@ impl OutFolder {
             return files.iter().try_for_each(|(name, bytes)| write_page(&self.path.join(name), bytes));
         }
         // raycl writes the folder's list of hashes before the files, so that the list includes the files even
-        // if the command is killed in between. Once the files are written, raycl writes the list of hashes
-        // again, without the hashes that the replaced files had before.
+        // if the command is killed before or while it writes them. Once the files are written, raycl writes
+        // the list of hashes again, without the hashes that the replaced files had before.
         self.made.extend(new.iter().cloned());
         self.write_list()?;
         files.iter().try_for_each(|(name, bytes)| self.put(name, bytes))?;

@@ -135,7 +135,8 @@ fn large_bytes(rig: &Rig<'_>) -> Result<usize> {
     fitting_bytes(&rig.device.info.limits, host.as_ref())
 }
 
-/// Returns the same size as [`large_bytes`]. `host` is the host's memory; `None` if the device has its own.
+/// Returns the same size as [`large_bytes`]. `host` is the host's memory; `None` if the device has memory of
+/// its own.
 fn fitting_bytes(limits: &DeviceLimits, host: Option<&Available>) -> Result<usize> {
     if limits.allocation_bytes < 1 << 20 {
         let most = limits.allocation_bytes;
@@ -160,7 +161,8 @@ fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let floats = large_bytes(rig)? / 4;
     let (from, to) = (rig.buffer::<f32>(floats)?, rig.buffer::<f32>(floats)?);
     from.cmd().fill(1.5, None).enq().map_err(failed)?;
-    // The last float is different from all others: only a copy of the whole buffer ends with it.
+    // The last float differs from all others. A copy ends with this float only if the whole buffer was
+    // copied.
     from.cmd().write(&[2.5_f32][..]).offset(floats - 1).enq().map_err(failed)?;
     // The buffer's size is a whole number of mebibytes, so the buffer's vectors fill whole work-groups.
     let kernel = rig.kernel(&program, "copy", [floats / width as usize, group], |kernel| {
@@ -198,8 +200,8 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     let (seconds, loops) = rig.per_loop(&kernel, |_| Ok(()))?;
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
-    // A sum of equal powers of two stops growing after 2^24 of them, since a further power of two is then lost by
-    // rounding.
+    // A sum of floats that are the same power of two stops growing after 2^24 of them: rounding then discards
+    // each further one.
     let reads = f64::from(loops).min(f64::from(1 << 24));
     let expected = reads * (SLOTS * width) as f64 * own_number(group - 1);
     expect("__local reads", f64::from(sums[items - 1]), expected)?;

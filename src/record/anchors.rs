@@ -53,7 +53,7 @@ pub(super) struct AnchorTimes<'a> {
     pub device: &'a str,
     /// The anchor's samples, except preempted samples (those during which other programs probably used the processors).
     /// If fewer than five samples of a launch would remain, the launch's five samples with the highest utilization
-    /// remain. If a sample's utilization is unknown, the list contains all samples.
+    /// remain. If the utilization of any sample is unknown, the list contains all samples.
     pub remaining: Vec<&'a AnchorSample>,
     /// The ratio of the anchor's processor time to its elapsed time; `None` if a sample lacks one of these
     /// times, or if an elapsed time is 0.

@@ -47,7 +47,7 @@ pub struct Environment {
     pub config_hash: String,
     /// The values of the config that the option `--set` changed, each as a line of TOML.
     pub overrides: Vec<String>,
-    /// Notes on the config: which strategies are measured under the name of an equal strategy.
+    /// Notes on the config. They name the strategies that are measured under the name of an equal strategy.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub config_notes: Vec<String>,
     /// The input files of the run: the config, the scenes, the kernels.

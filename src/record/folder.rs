@@ -46,7 +46,7 @@ pub struct Folder {
     pub rounds: Vec<RoundLoad>,
     /// Times of the anchors (kernels that never change) that were measured together with the points.
     pub anchors: Vec<AnchorSample>,
-    /// Notes that are shown with the results, for example on records that are not shown.
+    /// Notes that raycl shows with the results, for example a note about records that raycl does not show.
     pub notes: Vec<String>,
     /// The notes that count the damaged lines of journals. The notes on damaged lines are also contained in
     /// `notes`.

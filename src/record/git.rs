@@ -55,7 +55,7 @@ pub fn git_state_of_folder(folder: &Path, files: &[String], extension: &str) -> 
     if committed.is_empty() {
         return Some(IN_NO_COMMIT.to_owned());
     }
-    // There are no hashes if git cannot read one of the files.
+    // If git cannot read one of the files, `hashes` is empty.
     let hashes = answer(hash_object(folder).args(files)).unwrap_or_default();
     let present: BTreeMap<&str, &str> = files.iter().map(String::as_str).zip(hashes.lines()).collect();
     Some(state(&commit, present == committed))

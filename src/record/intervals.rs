@@ -9,8 +9,8 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// Copies the 95% intervals of `records` to the journal from which the records were read. raycl writes a
-/// record as soon as the record's group ends. Later groups show more about how much launches differ, so the
-/// final interval is known only at the end of the run.
+/// record as soon as the record's group ends. The samples of later groups show more precisely how much
+/// launches differ, so the final interval is known only at the end of the run.
 ///
 /// If the interval of any record differs, replaces the whole journal; lines of records without a new interval
 /// keep their text. The caller must hold the folder's lock (by which only one process at a time writes to the

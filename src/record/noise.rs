@@ -13,8 +13,8 @@ use crate::words::counted_of_were;
 use serde::Serialize;
 use std::collections::HashSet;
 
-/// The smallest differences that a run on one device can show, as fractions: 0.03 is 3%. A difference is `None` if no
-/// two of the device's points have enough samples of the same rounds.
+/// The smallest differences between the times of points that a run on one device can show, as fractions: 0.03 is 3%.
+/// A difference is `None` if no two of the device's points have enough samples of the same rounds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Noise {
     /// The device's name.
@@ -30,8 +30,8 @@ pub struct Noise {
     /// The smallest difference between two points that all launches together can show (the largest value of
     /// all groups of points).
     pub between_launches: Option<f64>,
-    /// The distance from a point's median time to the upper end of its 95% interval, as a fraction of the
-    /// median time (the median of this distance over all points).
+    /// How far the upper end of a point's 95% interval lies above the point's median time, as a fraction of
+    /// the median time. The value of the field is the median over all points.
     pub own_time: Option<f64>,
     /// A text that says how many points have no time, too few samples or times of 0, with the reason for the first
     /// of these points. If there are no such points, but no two points were measured together, a text that says so.

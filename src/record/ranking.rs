@@ -53,10 +53,11 @@ pub(crate) fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
     })
 }
 
-/// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread.
-/// The smallest difference is computed for each set of records that were measured together. The sets of
-/// records may have different smallest differences, so the function returns the least and the greatest of
-/// them. The function returns `None` if the smallest difference is unknown for every set.
+/// Returns the smallest difference, as a fraction, that can be shown between the times of two records whose
+/// samples vary by a typical amount. The smallest difference is computed for each set of records that were
+/// measured together. The sets of records may have different smallest differences, so the function returns
+/// the least and the greatest of them. The function returns `None` if the smallest difference is unknown for
+/// every set.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.relative_times.as_ref().and_then(|times| times.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(beyond_a_tie);

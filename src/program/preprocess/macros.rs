@@ -15,9 +15,9 @@ pub(super) struct Macro {
 }
 
 /// The largest number of tokens that all macro expansions of a program together may make. The program with
-/// the most expansions in `cl/` makes some thousands of tokens. All tokens of an expansion
-/// get the same list: the macros from which the expansion came. An expansion counts as the number of its tokens
-/// plus the number of macros in this list.
+/// the most expansions in `cl/` makes some thousands of tokens. For each expansion, raycl stores a list of the
+/// macros from which the expansion came; all its tokens share this list. An expansion counts as the number of
+/// its tokens plus the number of macros in the list.
 const MOST_TOKENS: usize = 500_000;
 /// The largest depth to which macro expansions may be nested. Each nested expansion takes space on the
 /// thread's stack.

@@ -18,7 +18,7 @@ impl From<bool> for Value {
 
 impl Value {
     /// Returns the value of a decimal, hexadecimal or octal integer with C's suffixes; `None` for any other text.
-    /// A number that is too large for a signed value is unsigned, also without the suffix `u`.
+    /// A number that is too large for a signed value is unsigned, even without the suffix `u`.
     pub(super) fn of_number(text: &str) -> Option<Self> {
         let digits = text.trim_end_matches(['u', 'U', 'l', 'L']);
         let bits = bits(digits)?;
