@@ -1,4 +1,4 @@
-//! The ray caster: a primary ray per pixel, the closest hit, then shading once.
+//! The ray caster: casts a primary ray per pixel, finds the ray's closest hit, and shades only this hit.
 
 use super::cutouts::Solid;
 use super::intersect::Hit;

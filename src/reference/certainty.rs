@@ -1,4 +1,4 @@
-//! Finds the certain pixels: all correct casters must agree on these pixels, whatever their rounding.
+//! Finds the certain pixels: all correct casters must agree on these pixels, however the casters round.
 
 use super::cast::Caster;
 use super::intersect::Hit;

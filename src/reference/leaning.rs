@@ -32,8 +32,8 @@ impl Lean {
     pub const BOTH: [Self; 2] = [Self::Larger, Self::Smaller];
 }
 
-/// Returns how far outside its box a triangle may be hit if the distance from the ray's origin to the
-/// triangle's farthest corner is `reach`.
+/// Returns how far outside the box around a triangle rounding may place a hit on this triangle. `reach` is
+/// the distance from the ray's origin to the triangle's farthest corner.
 pub fn margin(reach: f64) -> f64 {
     4.0 * ROUNDING * reach
 }

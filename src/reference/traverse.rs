@@ -62,8 +62,8 @@ impl<R: Real, F: Finder<R>> Finder<R> for Arc<F> {
     }
 }
 
-/// A finder for exhaustive casting, as in the paper's program: a primary ray tests every triangle, and a shadow ray one
-/// triangle after another until it hits one.
+/// A finder for exhaustive casting, as in the paper's program. A primary ray is tested against every triangle, and a
+/// shadow ray against one triangle after another until it hits one of them.
 #[derive(Clone, Debug)]
 pub struct Exhaustive<R: Real> {
     triangles: Vec<[R::Vector; 3]>,

@@ -34,7 +34,8 @@ pub struct Origins<'a> {
 }
 
 impl<'a> Origins<'a> {
-    /// Finds out from which folder each record comes in the list that [`merged`] returns for `folders`.
+    /// Finds out, for each record in the list that [`merged`] returns for `folders`, from which folder the
+    /// record comes.
     pub fn of(folders: &'a [Folder]) -> Self {
         let labels = labels(folders);
         let records = labelled(folders, &labels);

@@ -1,5 +1,5 @@
 //! Notes of one kind, such as notes on pictures that cannot be read. raycl shows the first three notes with different
-//! texts; it only counts the notes on all other subjects.
+//! texts. Of all further subjects, raycl shows only the number.
 
 use crate::words::counted;
 use std::collections::HashSet;

@@ -164,7 +164,7 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
         _ => 0.0,
     };
     beside.sort_by(|a, b| own(a).total_cmp(&own(b)));
-    // If the number of points is odd, both are the index of the point in the middle.
+    // If the number of points is odd, `below` and `above` are both the point in the middle.
     let (below, above) = (beside[(beside.len() - 1) / 2], beside[beside.len() / 2]);
     if are_apart(below, above) {
         return Vec::new();

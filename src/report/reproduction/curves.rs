@@ -1,5 +1,5 @@
-//! Plots the curves over block sizes from Figures 6 to 8 of the student paper that raycl reproduces, together
-//! with raycl's measurements.
+//! Plots the curves in Figures 6 to 8 of the student paper that raycl reproduces, together with raycl's
+//! measurements. A curve shows the times for several block sizes.
 
 use super::with_most;
 use crate::numbers::{by, duration};
@@ -73,8 +73,8 @@ pub(super) fn curves_of(
     Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))
 }
 
-/// Draws the curves of a figure, with the block sizes on the horizontal axis. If `as_shapes` is false, the curves show milliseconds; if
-/// `as_shapes` is true, each time is divided by the time of the curve's fastest point.
+/// Draws the curves of a figure, with block sizes on the horizontal axis. If `as_shapes` is false, the curves show
+/// milliseconds; if `as_shapes` is true, each time is divided by the time of the curve's fastest point.
 fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Chart {
     let mut blocks: Vec<u32> = curves
         .iter()
@@ -113,7 +113,8 @@ fn both(curve: &Curve<'_>, x_of: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) -
     let theirs = least(&mut curve.published.iter().map(|(_, ms)| *ms));
     // A curve's shape consists of ratios of times, so points with too few samples for a ratio are left out.
     let ours = || curve.ours.iter().copied().filter(|record| !as_shapes || interval(record).is_some());
-    // The fastest point is found by ratios, too. The point with the least median may take longer than another point.
+    // The fastest point is found by ratios, too. By these ratios, another point may be faster than the point with
+    // the least median.
     let fastest = ranking(ours()).ranked.first().copied();
     let published = curve.published.iter().filter_map(|(block, ms)| {
         let tip = format!("{} at {block} x {block}\npublished {}", curve.name, duration(*ms));
