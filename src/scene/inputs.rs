@@ -81,9 +81,9 @@ impl Inputs {
     }
 }
 
-/// Returns the canonical path of the file to which `path` leads, or of the missing file; `None` if its folder is
-/// missing. A file that is made later, such as a picture that raycl writes, therefore does not change where its path
-/// leads.
+/// Returns the canonical path of the file to which `path` leads, or of the missing file; `None` if the file's folder
+/// is missing. A file that is made later, such as a picture that raycl writes, therefore does not change where its
+/// path leads.
 fn leads_to(path: &Path) -> Option<PathBuf> {
     path.canonicalize().ok().or_else(|| in_canonical_folder(path))
 }

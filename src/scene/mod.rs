@@ -153,7 +153,7 @@ pub struct Scene {
     /// True if pictures have an alpha channel. Alpha is the share of a pixel that surfaces cover. If true,
     /// the background's radiance is 0.
     pub transparent: bool,
-    /// The gap between a hit and that end of the hit's shadow ray which is near the hit, in the scene's units.
+    /// The gap between a hit and the near end of the hit's shadow ray, in the scene's units.
     pub shadow_bias: f32,
     /// True if hits are lit on a smooth surface above their triangles, so that the facets of coarse meshes do
     /// not shadow each other in steps.

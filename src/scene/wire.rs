@@ -51,7 +51,7 @@ pub(super) struct SceneWire {
     /// [default: all edges are smooth].
     #[schemars(with = "Option<Number<Crease>>")]
     pub crease: Option<Spanned<Number<Crease>>>,
-    /// The gap between a hit and that end of the hit's shadow ray which is near the hit [default: 1e-4 of the diagonal
+    /// The gap between a hit and the near end of the hit's shadow ray [default: 1e-4 of the diagonal
     /// of the scene's box, but at least 9.5e-7 of the largest coordinate of the surfaces and of the camera's position].
     pub shadow_bias: Option<Number<NonNegative>>,
     /// Compute light and shadows as if hits lay on a smooth surface above their triangles, so that the facets of a

@@ -67,8 +67,8 @@ pub enum End {
     Done,
     /// The user, or a signal of the scheduler, ended the attempt.
     Interrupted,
-    /// The attempt's launcher (the program that started the attempt, such as `mpirun`) has ended, or a process between
-    /// the launcher and the attempt. `LauncherLost` contains a text with the name of the process that has ended.
+    /// The attempt's launcher (the program that started the attempt, such as `mpirun`) or a process between the
+    /// launcher and the attempt has ended. `LauncherLost` contains a text with the name of the process that has ended.
     LauncherLost(String),
     /// The attempt failed with this error.
     Failed(String),

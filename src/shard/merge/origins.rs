@@ -53,7 +53,7 @@ impl Origins {
         self.originals.get(&launch).copied().unwrap_or(launch)
     }
 
-    /// Returns the launches in which a record's samples were measured; instead of a copied launch, the
+    /// Returns the launches in which a record's samples were measured. For a copied launch, returns the
     /// original launch.
     pub fn of_record(&self, attempt: usize, record: &Record) -> BTreeSet<Launch> {
         record.sample_launches.iter().map(|launch| self.of((attempt, *launch))).collect()
