@@ -148,8 +148,8 @@ fn kibibytes(text: &str, key: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// The names under which one version of Linux's control groups states three numbers: the file with the limit, the file
-/// with the memory in use, and the keys in `memory.stat` for the reclaimable parts of the memory in use.
+/// The names that one version of Linux's control groups uses: the file with the limit of memory, the file with the
+/// memory in use, and the keys in `memory.stat` for those parts of the memory in use that can be reclaimed.
 struct GroupFiles {
     limit: &'static str,
     used: &'static str,

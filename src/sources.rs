@@ -171,10 +171,10 @@ impl Sources {
 
     /// Returns a compiler's messages about a program that does not compile, with the paths of kernel files
     /// instead of their names. The second returned value is true if the program contains a file that the user
-    /// added or changed. raycl then assumes that the mistake is in the user's file, since built-in files compile by
-    /// themselves. The compiler may nevertheless report the error in a built-in file, for example where this file calls
-    /// a function of the user's file with arguments that the function does not take. If the program contains files that
-    /// the user added or changed, but the compiler reports no error in these files, their names precede the compiler's
+    /// added or changed. raycl then assumes that the mistake is in the user's file, since programs that consist only of
+    /// built-in files compile. The compiler may nevertheless report the error in a built-in file, for example where the
+    /// built-in file calls a function of the user's file with wrong arguments. If the program contains files that the
+    /// user added or changed, but the compiler reports no error in these files, their names precede the compiler's
     /// messages (only the first few of many names). The program's text, `text`, consists of the files `files`. The
     /// compiler names a file by its path relative to `cl/` or to the user's folder of kernels. The compiler may also
     /// state only a line number in the program's whole text.

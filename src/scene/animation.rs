@@ -129,8 +129,8 @@ impl Animation {
     }
 
     /// Checks two conditions for each frame in `frames`: the scene file with the frame's values can be parsed
-    /// as a scene, and the frame's background is transparent exactly if that of frame 1 is transparent. Files
-    /// of meshes and pictures are not read.
+    /// as a scene, and the frame's background is transparent if and only if the background of frame 1 is
+    /// transparent. Files of meshes and pictures are not read.
     ///
     /// # Errors
     ///

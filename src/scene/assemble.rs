@@ -47,9 +47,9 @@ pub(super) struct Assembled {
     pub dressed: bool,
     /// True if the scene file or a setting sets the camera's position.
     pub eye_is_set: bool,
-    /// True if the camera may depend on the pictures' aspect ratio. Two conditions must hold: the scene is a bare mesh,
-    /// or sets an azimuth or an elevation; and the scene does not set the camera's position. raycl then places the
-    /// camera so that the whole scene is visible, unless the file of a bare mesh has a camera.
+    /// True if the camera may depend on the pictures' aspect ratio. Two conditions must hold. First, the scene is a
+    /// bare mesh, or sets an azimuth or an elevation. Second, the scene does not set the camera's position. raycl then
+    /// places the camera so that the whole scene is visible, unless the file of a bare mesh has a camera.
     pub is_framed: bool,
     /// True if raycl reverses normals that face away from the camera.
     pub two_sided: bool,

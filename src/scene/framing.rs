@@ -348,8 +348,8 @@ impl Areas {
     /// opposite another wall, no side is open, and the result is `None`. A mesh whose walls face outwards is a
     /// room only if bodies, such as furniture, lie between the walls. Without such bodies, the mesh is a shell,
     /// such as the housing of a device without its back. A shell's shape does not show from which side the shell
-    /// should be seen. A shell is seen from the direction in which its normals point on average, and so is any other
-    /// mesh that is not a room, such as the scan of a person's head from one side.
+    /// should be seen. A shell is seen from the direction in which its normals point on average. Any other mesh that
+    /// is not a room, such as the scan of a person's head from one side, is seen in the same way.
     fn opening(&self, bounds: [DVec3; 2], up: DVec3) -> Option<DVec3> {
         let front = self.vector.reject_from_normalized(up);
         let is_open = front.length() > OPEN_PART * self.area;

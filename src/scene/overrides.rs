@@ -19,10 +19,10 @@ const FOV: [&str; 2] = ["fov_x_degrees", "fov_y_degrees"];
 /// element adds an element: in a scene without lights, `light.0.power` adds a light. With a setting of the camera's
 /// azimuth or elevation, the camera shows the whole scene. A setting of the azimuth or the elevation therefore removes
 /// the camera's position, direction and field of view from the scene's table. Settings before and after the angle may
-/// set the direction and the field of view again. The animation's tracks of the camera stay in the table, so that the
-/// indices of all tracks, to which paths of settings and messages refer, stay the same; `Animation::of` leaves out the
-/// tracks of the camera. Returns an error in three cases: a path cannot be set; one setting sets an angle of the
-/// camera, and another setting sets its position; or a setting replaces the whole camera after an angle was set.
+/// set the direction and the field of view again. The animation's tracks of the camera stay in the table, since the
+/// paths in settings and messages refer to tracks by their indices. `Animation::of` leaves out the tracks of the
+/// camera. Returns an error in three cases: a path cannot be set; one setting sets an angle of the camera, and another
+/// setting sets its position; or a setting replaces the whole camera after an angle was set.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     refuse_angle_beside_position(settings)?;
     refuse_camera_after_angle(settings)?;

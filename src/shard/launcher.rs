@@ -17,9 +17,9 @@ struct Assignment {
     rank: u32,
     /// The number of processes that the launcher started; `None` if the launcher does not set this number.
     count: Option<u32>,
-    /// The number of the shard, if the process belongs to a Slurm array and the user gives the number of shards: the
-    /// number of the array's element is then the number of the shard. `None` if the process belongs to no Slurm array,
-    /// or if the user does not give the number of shards.
+    /// The number of the process's element in a Slurm array, if the user gives the number of shards. The number of the
+    /// element is then the number of the shard. `None` if the process belongs to no Slurm array, or if the user does
+    /// not give the number of shards.
     number: Option<u32>,
 }
 

@@ -1,8 +1,8 @@
 //! Computes the change of a point's time from one run to another. A machine's speed differs from run to run.
 //! Each time is therefore first divided by a reference time from the same rounds: the time of the anchor (a
 //! fixed kernel), or the mean time of baselines or of other kernels. If the two runs used different devices,
-//! times are not divided by the times of other kernels, because the factor by which one device is faster
-//! than the other would cancel.
+//! times are not divided by the times of other kernels, because this would cancel the factor by which one
+//! device is faster than the other.
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
@@ -110,7 +110,8 @@ fn rounds((before, after): Both<'_>) -> Option<[blake3::Hash; 2]> {
 /// device whose points have these references, or with `None` if all points have them. The baselines that have
 /// the same key in both runs are the references of all points. Without such baselines, the references are
 /// kernels (see [`of_each_device`]). If the two devices of every kernel are a pair of `other_devices`, there
-/// are no references, because the factor by which one device is faster would cancel.
+/// are no references, because dividing by the times of kernels would cancel the factor by which one device is
+/// faster.
 fn among_group<'a>(
     beside: &[Both<'a>],
     other_devices: &HashSet<Devices<'a>>,
@@ -157,7 +158,7 @@ const APART: f64 = 0.02;
 /// Returns the half of the points in `beside` whose changes are closest to the median change. `beside` must
 /// not be empty. If a change of code made a minority of points slower, these points are not in the returned
 /// half. Returns no points if the number of points is even, and one half has clearly larger changes than the other
-/// half: one half may have become slower, or the other half faster.
+/// half: nobody can know whether one half became slower, or the other half faster.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),

@@ -168,12 +168,12 @@ fn mean<'a>(
     Mean { strategy, points: pairs.len(), tested, lacks_only_in_common, change }
 }
 
-/// Returns the mean change of points that were measured together, on one device; `None` if the points' times must be
-/// divided by those of other work (references), but there is no such work. Without an anchor and without baselines,
-/// only kernels that are not part of the mean can be references, so the mean of all points has no references.
-/// `controls` contains the borrowed control points of the mean's strategy or, for the mean of all points, of all
-/// strategies. (A block borrows a control point if it measures the point although the point belongs to another
-/// block.) Neither these control points nor the points of `group` can be references.
+/// Returns the mean change of points that were measured together on one device. Returns `None` if the points' times
+/// must be divided by the times of other work (references), but there are no references. Without an anchor and
+/// without baselines, only kernels that are not part of the mean can be references, so the mean of all points has no
+/// references. `controls` contains the borrowed control points of the mean's strategy or, for the mean of all
+/// points, of all strategies. (A block borrows a control point if it measures the point although the point belongs
+/// to another block.) Neither these control points nor the points of `group` can be references.
 fn change_of_group<'a>(
     group: &[&'a Pair],
     controls: &[Both<'a>],

@@ -16,8 +16,8 @@ use std::path::Path;
 pub struct Chosen {
     /// The chosen record of each point, by the point's key.
     best: HashMap<String, Measured>,
-    /// For each point with several records, by its key: the index of each attempt that has a record, and the outcome
-    /// of that record.
+    /// Maps the key of each point with several records to a list: for each of these records, the index of its
+    /// attempt, and its outcome.
     several: BTreeMap<String, Vec<(usize, Outcome)>>,
 }
 

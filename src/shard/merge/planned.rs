@@ -10,8 +10,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 pub struct Planned {
     /// The points, each once, sorted by scene and image size, then by kind of device.
     pub points: Vec<PlannedPoint>,
-    /// For each point that is a caster on the host, by the point's key: the words that distinguish the caster's kind of
-    /// host from the other kinds of host. The map is empty if there is only one kind of host.
+    /// Maps the key of each point that is a caster on the host to the words that distinguish the caster's kind of host
+    /// from the other kinds of host. The map is empty if there is only one kind of host.
     hosts: HashMap<String, String>,
 }
 

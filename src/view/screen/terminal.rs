@@ -314,10 +314,10 @@ fn pressed(input: &mut Input, key: KeyEvent) {
     input.keys.extend(meant(key.code).filter(|_| !control));
 }
 
-/// Returns true if a key may have been pressed after Escape. If Escape and this key wait to be read together, their
-/// bytes equal those of the key with Alt, so the crate crossterm reports the key with Alt. raycl uses no key with Alt;
-/// it takes such a key for Escape followed by the key. Only keys of one character are affected: an arrow key with Alt,
-/// for example, has bytes of its own. On systems other than Unix, crossterm reads no bytes, so Alt means Alt.
+/// Returns true if a key may have been pressed after Escape. If the bytes of Escape and of this key are read together,
+/// they equal the bytes of the key with Alt, so the crate crossterm reports the key with Alt. raycl uses no key with
+/// Alt; it takes such a key for Escape followed by the key. Only keys of one character are affected: an arrow key with
+/// Alt, for example, has bytes of its own. On systems other than Unix, crossterm reads no bytes, so Alt means Alt.
 fn follows_escape(key: &KeyEvent) -> bool {
     let is_one_character =
         matches!(key.code, KeyCode::Char(_) | KeyCode::Enter | KeyCode::Tab | KeyCode::Backspace);
