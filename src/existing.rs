@@ -65,7 +65,7 @@ pub fn exists(path: &Path) -> Result<bool> {
     Ok(known(path)?.is_some())
 }
 
-/// Returns true if a file, a folder or a link is at a path. A link need not lead to anything.
+/// Returns true if a file, a folder or a link is at a path. A link counts even if it leads nowhere.
 ///
 /// # Errors
 ///

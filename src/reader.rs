@@ -67,7 +67,7 @@ const LIMITS_MIB: [(Kind, &str, Option<u64>); 10] = [
 /// Returns the system's error. Also fails if `path` is not an ordinary file.
 pub fn open(path: &Path) -> Result<File> {
     // Opening a pipe would wait for its writer, so the path is checked before it is opened. The open file is
-    // checked again, since the file at this path may have been replaced in between.
+    // checked again, since the file at this path may have been replaced after the first check.
     ordinary(&path.metadata()?)?;
     let file = File::open(path)?;
     ordinary(&file.metadata()?)?;

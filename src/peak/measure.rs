@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 /// independent chains of STEPS multiply-adds of vectors.
 const CHAINS: u64 = 16;
 const FMA_STEPS: u64 = 8;
-/// The value of STEPS in cl/peak/latency.cl: the number of operations in an iteration of the loop; each of
-/// them waits for the one before.
+/// The value of STEPS in cl/peak/latency.cl: the number of operations in an iteration of the loop; each
+/// operation needs the result of the operation before it.
 const STEPS: i32 = 16;
 /// The value of SLOTS in cl/peak/local.cl: the number of vectors that a work-item reads in an iteration of the loop.
 const SLOTS: u64 = 8;
@@ -201,7 +201,7 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
     // A sum of floats that are the same power of two stops growing after 2^24 of them: rounding then discards
-    // each further one.
+    // every further summand.
     let reads = f64::from(loops).min(f64::from(1 << 24));
     let expected = reads * (SLOTS * width) as f64 * own_number(group - 1);
     expect("__local reads", f64::from(sums[items - 1]), expected)?;

@@ -14,9 +14,9 @@ use std::process::{Command, Stdio};
 /// The state of a file or folder that the commit does not contain.
 const IN_NO_COMMIT: &str = "in no commit";
 
-/// Environment variables that would make git use another repository than the one of the folder in which git starts.
-/// Some of them would make git use this repository, but with another index, other objects or another tree of files.
-/// Git sets some of these variables for hooks.
+/// Environment variables that would make git use another repository than that of the folder in which git starts.
+/// Some of these variables would make git use this folder's repository, but with another index, other objects or
+/// another tree of files. Git sets some of these variables for hooks.
 const REDIRECTIONS: [&str; 6] = [
     "GIT_DIR",
     "GIT_WORK_TREE",

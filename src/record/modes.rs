@@ -15,7 +15,7 @@ const STRAYS: f64 = 0.1;
 const TIMER_STEP_MS: f64 = 0.001;
 
 /// Returns a record's warning and, if the record's samples lie around two values, a note on these values;
-/// `None` if the record has neither.
+/// `None` if there is neither a warning nor a note.
 pub(crate) fn to_mind(record: &Record) -> Option<String> {
     let parts: Vec<String> = record.warning.clone().into_iter().chain(two_modes(record)).collect();
     (!parts.is_empty()).then(|| parts.join("; "))

@@ -76,8 +76,8 @@ fn beyond_a_tie(part: f64) -> f64 {
 }
 
 /// Returns the smallest difference between two records of `device` that a single launch can show, as a
-/// fraction. For each launch, this difference is computed like that of [`resolution`], from all records that
-/// were measured in the launch, including records of other devices. The function returns the median of the
+/// fraction. For each launch, this difference is computed as in [`resolution`], from all records that were
+/// measured in the launch, including records of other devices. The function returns the median of the
 /// differences of those launches in which at least two records of `device` have enough samples; `None` without
 /// such launches. Records without a time, or with a sample of 0, are left out. Records with equal launch
 /// numbers must have been measured together.

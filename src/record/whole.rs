@@ -44,8 +44,8 @@ pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Writes a file unless a file with this path exists already. Returns true if the file was written, and false
-/// if a file existed. If several processes write the same file with this function, only one of them gets
-/// true.
+/// if a file existed. If several processes write the same file with this function, the function returns true
+/// to only one of them.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     let folder = folder_of(path);
     let write = || -> std::io::Result<bool> {

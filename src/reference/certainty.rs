@@ -46,8 +46,8 @@ const SKY_NUDGE: f64 = 1e-6;
 const PICTURE_NUDGE: f64 = 4e-6;
 /// How far rounding may move a hit's position in a texture, relative to the triangle's largest texture
 /// coordinate (at least 1): almost seven rounding errors of single precision. On a device, the position has
-/// at most six rounding errors. The first weight (1 minus the other two weights) adds one, the products of
-/// weights and coordinates add one, and the sum of these products adds two. The texel's position (the sum
+/// at most six rounding errors. The first weight (1 minus the other two weights) adds one error, the products
+/// of weights and coordinates add one, and the sum of these products adds two. The texel's position (the sum
 /// times the texture's size, minus a half) adds two more.
 const TEXTURE_SHIFT: f32 = 4e-7;
 

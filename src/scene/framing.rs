@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 /// Default field of view across the height. Like a portrait lens, this field of view distorts little.
 const FOV_Y_DEGREES: f32 = 35.0;
-/// The mesh usually fills the fraction `FILL` of the picture's width, and at most this fraction of its height, or the
-/// reverse. If the eye would be nearer to the mesh than `NEAREST_RADII` allows, raycl moves the eye away, and the mesh
-/// fills a smaller fraction.
+/// The mesh usually fills the fraction `FILL` of the picture in one direction (across or down), and at most this
+/// fraction in the other direction. If the eye would be nearer to the mesh than `NEAREST_RADII` allows, raycl moves
+/// the eye away, and the mesh fills a smaller fraction.
 const FILL: f64 = 0.92;
 /// The default direction from a mesh to the camera: the components to the right, upwards and to the front.
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);

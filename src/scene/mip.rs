@@ -35,7 +35,7 @@ impl Mesh {
 impl Textures {
     /// Adds mip levels to all pictures that are used as colours or as emission textures. A texel of a mip level is a
     /// mean of texels. If a picture is both the colour and the mask of a surface, these means are weighted by the
-    /// texels' alpha. `materials` are those of the mesh.
+    /// texels' alpha. `materials` are the mesh's materials.
     pub(super) fn add_levels(&mut self, materials: &mut [Material]) {
         let weights = self.separate_weights(materials);
         let mut made: HashMap<(*const [u32], bool), Arc<[u32]>> = HashMap::new();

@@ -70,7 +70,8 @@ impl Strategy {
         Some(format!("{axis} = {value}, but {label} {because}; expected {axis} = {}", taken.join(" or ")))
     }
 
-    /// Returns why two of the strategy's values contradict each other, whatever the family; `None` if no values do.
+    /// Returns why two of the strategy's values contradict each other, whatever the strategy's kernel family is;
+    /// `None` if no two values contradict each other.
     fn conflict(&self) -> Option<String> {
         let eager = self.shading.is_eager();
         let planes = self.intersector.prepares_planes();

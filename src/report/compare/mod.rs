@@ -1,5 +1,5 @@
-//! Compares two folders of results, and decides for each point whether its time became shorter or longer,
-//! stayed the same, or whether this is unclear.
+//! Compares two folders of results. For each point, decides whether its time became shorter, became longer or
+//! stayed the same, or that this is unclear.
 
 mod change;
 mod judging;

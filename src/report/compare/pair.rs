@@ -30,8 +30,8 @@ pub struct Pair {
 pub enum Against {
     /// The device's anchor, a fixed kernel that was run in the same rounds.
     Anchor,
-    /// Ray casters on the host (baselines) that were timed in the same rounds as the point. Their program is
-    /// the same in both folders.
+    /// Ray casters on the host (baselines) that were timed in the same rounds as the point. The program of
+    /// the baselines is the same in both folders.
     Baselines,
     /// Kernels of the same rounds, on the point's device, that changed by similar factors. If all kernels of
     /// the device change by the same factor, dividing by these kernels' times hides the change. A baseline is
