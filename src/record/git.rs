@@ -43,9 +43,10 @@ pub fn git_state(file: &Path) -> Option<String> {
     Some(state(&commit, present == Some(committed)))
 }
 
-/// Returns the commit and the state of a folder, like [`git_state`]. Only files with this extension (without a dot)
-/// count, in the folder and its subfolders; `files` are their names, relative to the folder and separated by `/`.
-/// A file that is a symbolic link always counts as changed, since the commit contains only the link.
+/// Returns the commit and the state of a folder, like [`git_state`]. Of the files in the folder and its subfolders,
+/// only those with the extension `extension` (without a dot) count. `files` contains the names of these files:
+/// their paths relative to the folder, with `/` as separator. A file that is a symbolic link always counts as
+/// changed, since the commit contains only the link.
 pub fn git_state_of_folder(folder: &Path, files: &[String], extension: &str) -> Option<String> {
     let commit = commit(folder)?;
     let tree = answer(git(folder).args(["ls-tree", "-r", "-z", "HEAD"]))?;

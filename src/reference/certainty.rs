@@ -58,7 +58,7 @@ pub(super) const AT_LIGHT: f64 = 1e-6;
 
 /// The inputs from which one sample of a pixel is cast, and cast again with small changes.
 pub struct Asked<'a> {
-    /// The ray caster in double precision. It contains the scene.
+    /// The ray caster in double precision. The caster contains the scene.
     pub caster: &'a Caster<'a, f64>,
     /// Defines the ray through each position of the image.
     pub frame: &'a PixelFrame,

@@ -28,7 +28,7 @@ pub enum Lean {
 }
 
 impl Lean {
-    /// Both directions.
+    /// Both directions in which rounding may change triangles.
     pub const BOTH: [Self; 2] = [Self::Larger, Self::Smaller];
 }
 

@@ -10,8 +10,8 @@ use std::time::SystemTime;
 /// The files of all scenes that this process has read.
 pub(crate) static INPUTS: Inputs = Inputs::new();
 
-/// Files that were read, or that would have been read if they existed. Also pictures that a mesh names but that raycl
-/// does not use, whether they exist or not.
+/// Files that were read, or that would have been read if they existed. Pictures that a mesh names but that raycl does
+/// not use are included, whether they exist or not.
 #[derive(Debug)]
 pub(crate) struct Inputs(Mutex<Files>);
 

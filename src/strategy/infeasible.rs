@@ -40,8 +40,7 @@ impl Infeasible {
     pub const CPU_STACK: &'static str = "a CPU thread's stack";
     /// The words by which a reason mentions memory that raycl uses for other points, frames or trees.
     pub const BESIDE_OTHERS: &'static str = "that raycl already uses";
-    /// The words by which a reason in an older record mentions memory that raycl uses for other points,
-    /// frames or trees.
+    /// The words by which a reason in an older record mentions memory that raycl used for other points.
     const BESIDE_OTHERS_EARLIER: &'static str = "that other points hold";
     /// The last words of a reason, if the limit comes from the experiment's config and not from the device
     /// itself.
