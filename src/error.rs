@@ -113,7 +113,7 @@ pub fn cause(error: &std::io::Error) -> String {
     text.split(" at path ").next().unwrap_or_default().to_owned()
 }
 
-/// A mistake in the user's input: a file, a line of a file, or an argument.
+/// A mistake in the user's input, which is a file or an argument.
 #[derive(Debug, Error, Diagnostic)]
 #[error("{message}")]
 pub struct InputError {

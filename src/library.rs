@@ -181,7 +181,8 @@ fn closed() -> Error {
 /// replaces these options in a program.
 fn for_programs(error: Error) -> Error {
     let remedy = error.remedy();
-    // A message may begin with an option, so the text that is searched begins with a space.
+    // An option is found by the space before it. The text begins with a space, since a message may begin with
+    // an option.
     let text = format!(" {error} {remedy}");
     if !text.contains(" --") && !text.contains("`--") {
         return error;

@@ -301,8 +301,8 @@ fn chase(rig: &Rig<'_>, program: &PeakProgram, name: &'static str) -> Result<Fig
     Ok(latency(&seconds))
 }
 
-/// Chases pointers in one random cycle through all lines of a large buffer. Each kernel launch continues where the
-/// previous one ended.
+/// Chases pointers in one random cycle through all cache lines of a large buffer. Each kernel launch continues
+/// where the previous one ended.
 fn chase_global(rig: &Rig<'_>, program: &PeakProgram) -> Result<Figure> {
     let stride = LINE_BYTES / 4;
     let lines = large_bytes(rig)? / LINE_BYTES;

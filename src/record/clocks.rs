@@ -11,7 +11,7 @@ pub struct Clocks {
     /// Lowest and highest frequency of any core at the beginning of the run, MHz.
     pub now_mhz: Option<[f64; 2]>,
     /// The highest frequency that the hardware of the first core allows, MHz. If the system does not report
-    /// this frequency, the highest frequency that the system's settings allow.
+    /// this frequency, the value is the highest frequency that the system's settings allow.
     pub max_mhz: Option<f64>,
 }
 

@@ -76,11 +76,11 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
     text
 }
 
-/// Names the fastest point, or the points that tie for the fastest. If a point without a rank may be as fast,
-/// says that the result is not certain. Says how much faster the fastest point is than the baselines and the
-/// best point of the preset `naive`. Also names points without a rank, and states the smallest difference that
-/// the samples can show. If no point has a rank, says that there is no winner, or that nothing could be
-/// measured.
+/// Names the fastest point, or the points that tie for the fastest. If a point without a rank may be as fast
+/// as these points, says that the result is not certain. Says how much faster the fastest point is than the
+/// baselines and the best point of the preset `naive`. Also names points without a rank, and states the
+/// smallest difference that the samples can show. If no point has a rank, says that there is no winner, or
+/// that nothing could be measured.
 fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     let ranking = group.ranking();
     let Some(best) = ranking.winners.first() else {

@@ -94,8 +94,8 @@ pub(crate) fn smallest_difference_note<'a>(records: impl IntoIterator<Item = &'a
 }
 
 /// Returns the smallest difference that can be shown between two of the points, such as "2.1 to 4.1%
-/// (depending on device)". For noisy points, the difference is a factor, such as "a factor of 3.2". The
-/// points must be all noisy or all not noisy. Returns `None` if the smallest difference is unknown.
+/// (depending on device)". For noisy points, the difference is a factor, such as "a factor of 3.2". Either
+/// all of these points must be noisy, or none of them. Returns `None` if the smallest difference is unknown.
 fn smallest_difference(points: &[&Record]) -> Option<String> {
     let [part, _] = resolution(points.iter().copied())?;
     let amount = |shown: &str| match part > NOISY {

@@ -141,11 +141,11 @@ fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
 }
 
 /// Returns the number of operations of a record's ray-triangle test, as the record states it. Records of
-/// earlier versions of raycl state no bytes, and state the operations only if the device's peak rate was
-/// known. For a record of an earlier version that does not state the number of operations, this number comes
-/// from the headers of the kernel files that this process has read. A record of the present version lacks the
-/// number of operations only if the header of the test's kernel file has no `operations`; for such a record,
-/// the function returns `None`.
+/// earlier versions of raycl do not state the number of bytes, and state the number of operations only if the
+/// device's peak rate was known. For a record of an earlier version that does not state the number of
+/// operations, this number comes from the headers of the kernel files that this process has read. A record of
+/// the present version lacks the number of operations only if the header of the test's kernel file has no
+/// `operations`; for such a record, the function returns `None`.
 fn operations(record: &Record) -> Option<u32> {
     let is_old = record.triangle_bytes_per_test.is_none();
     let by_header = || is_old.then(|| operations_per_test(&record.strategy)).flatten();

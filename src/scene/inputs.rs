@@ -19,8 +19,8 @@ pub(crate) struct Inputs(Mutex<Files>);
 struct Files {
     /// The paths of the files. In each path, the folder's part is canonical (absolute, without links and `..`).
     paths: BTreeSet<PathBuf>,
-    /// What [`leads_to`] returned when a path was last checked, for each path that contains a link or `..`, or
-    /// whose folder is missing.
+    /// Maps each path that contains a link or `..`, or whose folder is missing, to the result of [`leads_to`]
+    /// when the path was last checked.
     targets: BTreeMap<PathBuf, Option<PathBuf>>,
 }
 

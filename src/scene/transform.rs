@@ -11,7 +11,7 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 /// A scale along the object's axes, then rotations about x, y and z (in this order), then a translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform {
-    /// The scale; no component is zero, and a negative component mirrors.
+    /// The scale. No component is zero, and a negative component mirrors the object.
     pub scale: Vec3,
     /// Rotation angles about x, y and z.
     pub rotation_degrees: Vec3,

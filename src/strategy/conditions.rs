@@ -32,7 +32,7 @@ impl Strategy {
 
     /// Returns true if the strategy with this workload has the property `fact`. In the manifest (the table of kernels),
     /// such properties of strategies are conditions for kernels, parameters and defines. A scene's textures, cut-outs,
-    /// soft light and picture of the sky count only if the strategy's family supports them.
+    /// soft light and picture of the sky are ignored if the strategy's family does not support them.
     pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
         let supports = |property| self.family().takes(property);
         match fact {

@@ -193,7 +193,8 @@ impl Class {
         }
     }
 
-    /// Returns true for CPUs with vectors. Such a CPU casts packets and tiles with several rays per vector.
+    /// Returns true for CPUs with vectors. On such a CPU, each vector holds several rays of a packet or of a
+    /// tile.
     pub fn is_in_vectors(self) -> bool {
         matches!(self, Self::TilesInVectors | Self::TilesInNarrowVectors)
     }

@@ -1,4 +1,5 @@
-//! The heat map of tests: how many triangles each pixel's rays are tested against, counted by the reference.
+//! The heat map of tests: how many triangles each pixel's rays are tested against. The reference (the ray
+//! caster on the host) counts the tests.
 
 use super::Live;
 use super::room::check_room;

@@ -190,10 +190,11 @@ pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio_apart(after, before)?, Against::BareTimes))
 }
 
-/// Compares a point's time with the kernels of the first folder, and the point's time with the kernels of the second
-/// folder. `raycl run --resume` may have measured the point with the kernels of one folder in an earlier session. If
-/// the point's two records were measured in different sessions, their samples are not close in time, and the times
-/// are compared like times of two runs. Returns `None` if a record has too few samples or times of 0.
+/// Compares the two times that a point has in a run of two folders of kernels: one time with the kernels of the
+/// first folder, and one with those of the second folder. `raycl run --resume` may have measured the point with the
+/// kernels of one folder in an earlier session. If the point's two records were measured in different sessions,
+/// their samples are not close in time, and the times are compared like times of two runs. Returns `None` if a
+/// record has too few samples or times of 0.
 pub fn of_kernels((before, after): Both<'_>) -> Option<(Interval, Against)> {
     if !are_together(before, after) {
         return bare((before, after));

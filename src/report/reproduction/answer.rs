@@ -412,7 +412,8 @@ fn sure(contest: &Contest<'_>) -> String {
 
 /// Returns a text that names the points of the preset `naive` that tie for fastest, if `naive` at its best local size
 /// does not tie; otherwise an empty text. Such a point is no faster than `naive` at its best local size. The point
-/// ties only because the interval of its ratio to the fastest point is wider.
+/// ties only because the interval of its ratio to the fastest point is wider than the interval for the best local
+/// size.
 fn slow_naive(contest: &Contest<'_>) -> String {
     let winners = &contest.ranking.winners;
     let best = contest.naive.filter(|naive| winners.iter().all(|winner| winner.key != naive.key));

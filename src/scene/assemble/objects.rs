@@ -391,7 +391,7 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
 /// position and one normal. Joining this mesh with the scene's other meshes takes at least half as much
 /// memory again. In total, the shape needs one and a half times the mesh's memory. For every two triangles,
 /// the shape thus needs the memory of three triangles, one and a half positions and one and a half normals.
-/// The function rounds the numbers of positions and of normals up to two.
+/// The function counts two positions and two normals instead of one and a half.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;
