@@ -58,9 +58,9 @@ impl Raycaster {
     /// device (`cpu`, `gpu` or `accelerator`), or the label that `raycl devices` shows for one of several
     /// devices with the same name. `open` uses the first usable device that matches. If `device` is `None`, the device
     /// that the environment variable `RAYCL_DEVICE` names is used. If this variable is not set, a GPU is used if a GPU
-    /// is usable, else a CPU, else an accelerator. Of several GPUs, raycl prefers those with memory of their own. Among
-    /// these, raycl prefers those with a vendor's driver. Of devices that are equal in kind, memory and driver, the
-    /// device with the most compute units is used.
+    /// is usable, else a CPU, else an accelerator. Of several GPUs, raycl prefers those with memory of their own. Of
+    /// several GPUs with memory of their own, raycl prefers those with a vendor's driver. Of devices that are equal in
+    /// kind, memory and driver, the device with the most compute units is used.
     ///
     /// `open` does not limit the threads of PoCL (an OpenCL driver for CPUs). If a program calls
     /// [`serve_if_worker`] before `open`, PoCL starts no more threads than the program may run at the same
@@ -193,7 +193,7 @@ fn for_programs(error: Error) -> Error {
 
 /// Checks a scene that a program may have made or changed. [`Scene::validate`] checks everything that a
 /// scene's file can set, except the picture of the sky. This function also checks the picture of the sky, and
-/// what only programs set.
+/// the values that only programs can set.
 fn check_scene(scene: &Scene) -> Result<()> {
     scene.validate()?;
     let mistake = |what: &str, expected: &str| Err(Error::input(format!("{what}; expected {expected}")));

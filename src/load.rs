@@ -97,7 +97,7 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
 
 /// Returns the time in nanoseconds in which a cache line moves from one processor to another; `None` if this
 /// time cannot be measured. This measurement usually takes less than half a millisecond. If other programs
-/// keep the processors busy, it ends without a result after about 5 ms.
+/// keep the processors busy, the measurement ends without a result after about 5 ms.
 #[cfg(target_os = "linux")]
 pub fn core_to_core_ns() -> Option<f64> {
     core_to_core::core_to_core_ns()

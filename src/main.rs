@@ -1,5 +1,5 @@
-//! Parses the arguments and runs the subcommand. An error of either step is printed, and determines the exit
-//! code.
+//! Parses the arguments and runs the subcommand. An error in the arguments or in the subcommand is printed,
+//! and determines the exit code.
 
 use std::io::IsTerminal as _;
 use std::process::ExitCode;

@@ -81,9 +81,9 @@ impl Content<'_> {
     }
 }
 
-/// Sorts contents with the same scene name by the scenes to which they belong. Several contents belong to one
-/// scene if they probably differ only in the camera, which raycl placed for images of different shapes (see
-/// [`Content::is_other_shape_of`]). Each inner list of the result has the contents of one scene.
+/// Finds out which of the contents with one scene name belong to the same scene. Several contents belong to
+/// one scene if they probably differ only in the camera, which raycl placed for images of different shapes
+/// (see [`Content::is_other_shape_of`]). Each inner list of the result has the contents of one scene.
 fn scenes_of(contents: Vec<Content<'_>>) -> Vec<Vec<Content<'_>>> {
     let mut scenes: Vec<Vec<Content<'_>>> = Vec::new();
     for content in contents {

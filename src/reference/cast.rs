@@ -226,8 +226,8 @@ impl<'a, R: Real> Caster<'a, R> {
     }
 }
 
-/// Casts the serial baseline in single precision: one thread, exhaustive casting, both faces, one shading
-/// per hit. `size` is width and height in pixels.
+/// Casts the serial baseline in single precision, with one thread, without a tree and without culling. Only
+/// the nearest hit of each primary ray is shaded. `size` is width and height in pixels.
 pub fn cast_serial_f32(scene: &Scene, size: [u32; 2]) -> Radiance {
     cast_serial::<f32>(scene, size)
 }

@@ -44,7 +44,7 @@ impl PixelSample {
     }
 
     /// Includes the radiance of a nudged (slightly turned) ray in `change`. If `reach` is [`Reach::Near`],
-    /// also includes it in `near_change` and `range`.
+    /// also includes this radiance in `near_change` and `range`.
     pub(super) fn nudge(&mut self, reach: Reach, other: DVec3) {
         let change = (other - self.radiance).abs().max_element();
         self.change = self.change.max(change);

@@ -14,7 +14,7 @@ pub struct Ray<R: Real> {
     pub near: R,
     /// Hits at this distance or farther are ignored.
     pub far: R,
-    /// True if a light is at the far end. Devices may cast such a ray from either end.
+    /// True if a light is at the ray's far end. Devices may cast such a ray from either end.
     pub to_light: bool,
     /// True if the ray starts beside a surface, at the shadow bias from a hit.
     pub is_shadow: bool,

@@ -53,8 +53,8 @@ impl RayPacket {
     /// Returns how the packet hits a triangle. The function tests on which side of each of three planes the
     /// packet's rays lie. Each of these planes contains the origin and an edge of the triangle. The dot
     /// product of a plane's unit normal with a ray's direction differs from the normal's dot product with the
-    /// cone's axis. The difference is at most the cone's angle in radians. A result that rounding could
-    /// change is `PacketHit::Some` (see [`super::leaning`]).
+    /// cone's axis by at most the cone's angle in radians. A result that rounding could change is
+    /// `PacketHit::Some` (see [`super::leaning`]).
     fn intersect(&self, corners: &[DVec3; 3], culling: Culling) -> PacketHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);

@@ -71,7 +71,8 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// Returns the choice's time divided by the best time; infinity if the choice was not measured.
+    /// Returns the time of the chosen strategy divided by the best time; infinity if the chosen strategy was
+    /// not measured.
     pub fn ratio(&self) -> f64 {
         self.choice_ms.map_or(f64::INFINITY, |ms| ms / self.best.1)
     }

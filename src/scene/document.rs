@@ -93,8 +93,8 @@ impl Document {
     }
 
     /// Returns a note if the format of the file's contents differs from the format that the file's extension
-    /// stands for; otherwise `None`. A file without an extension has no note. Must be called before the mesh
-    /// is read.
+    /// stands for; otherwise `None`. For a file without an extension, there is no note. Must be called before
+    /// the mesh is read.
     pub fn unexpected_ending(&self, path: &Path) -> Option<String> {
         let held = self.held.borrow().as_ref().and_then(|(_, opened)| files::format(opened, path));
         files::unexpected_ending(held, path).map(|note| format!("{}: {note}", path.display()))

@@ -35,7 +35,8 @@ pub(super) struct FrameCache {
     /// All objects of this frame, and the scene's values that apply to all objects, as one text. Two frames
     /// with the same text have equal objects.
     objects: String,
-    /// The value of `objects` when the objects were joined last, and the joined objects.
+    /// The value that the field `objects` had when objects were last joined into one mesh, and the joined
+    /// objects.
     joined: Option<(String, Joined)>,
     /// The mesh whose bounds were computed last, and these bounds.
     bounds: Option<(Arc<Mesh>, (Vec3, Vec3))>,

@@ -150,8 +150,8 @@ pub struct Scene {
     pub camera: Camera,
     /// The radiance of a ray that hits nothing, unless the ray sees the sky's picture.
     pub background: Vec3,
-    /// True if pictures have an alpha channel. Alpha is the share of a pixel that surfaces cover. If true,
-    /// the background's radiance is 0.
+    /// True if pictures have an alpha channel. Alpha is the share of a pixel that surfaces cover. If the
+    /// field is true, the background's radiance is 0.
     pub transparent: bool,
     /// The gap between a hit and the near end of the hit's shadow ray, in the scene's units.
     pub shadow_bias: f32,

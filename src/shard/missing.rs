@@ -174,7 +174,8 @@ pub(super) fn names(all: &[Kind]) -> String {
     names.map(both_names).collect::<Vec<_>>().join("; ")
 }
 
-/// Describes a kind of device on which the points `lacks` have to be measured, out of `of` points in all.
+/// Describes a kind of device on which the points with the indices `lacks` have to be measured. `of` is the
+/// number of points that the plan has for this kind.
 fn lacking(plan: &ShardPlan, device: String, (lacks, of): (&[usize], usize), start: &Start) -> MissingKind {
     let shards: BTreeSet<u32> =
         lacks.iter().filter_map(|point| plan.block_of(*point)).map(|block| block.shard).collect();

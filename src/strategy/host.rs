@@ -53,8 +53,8 @@ pub struct Afterwards {
     pub layers: bool,
 }
 
-/// The bytes of the host's memory in use at several moments of the work. Each moment has a sum of bytes.
-/// Casting needs as much memory as the largest of these sums.
+/// The bytes of the host's memory in use at several moments of the work. Each moment has its own sum of
+/// bytes. Casting needs as much memory as the largest of these sums.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
     /// The bytes that the program, its libraries and the driver need. At every moment of the work,

@@ -129,15 +129,15 @@ impl Strategy {
     }
 
     /// Returns true if the strategy's kernels read whole triangles in the strategy's layout. Kernels for
-    /// tiles read corners only from the tree. For kernels that cast tiles, the strategy's layout of triangles
-    /// decides only where normals are read.
+    /// tiles read corners only from the tree. For kernels that cast rays in tiles, the strategy's layout of
+    /// triangles decides only where normals are read.
     pub fn reads_mesh(&self) -> bool {
         !self.traversal.casts_tiles()
     }
 
     /// Returns true if the strategy's kernels read lists of the mesh: its normals, and its triangles, which
-    /// contain the normals' indices. Only kernels that cast tiles and read indexed normals read lists of the
-    /// mesh. A device that shares the host's memory reads the lists in place, without a copy.
+    /// contain the normals' indices. Only kernels that cast rays in tiles and read indexed normals read lists
+    /// of the mesh. A device that shares the host's memory reads the lists in place, without a copy.
     pub fn reads_lists_of_mesh(&self) -> bool {
         self.traversal.casts_tiles() && self.layout.index_bits().is_some()
     }

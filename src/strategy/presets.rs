@@ -51,8 +51,8 @@ const MODERN: Strategy = Strategy {
     ..PAPER
 };
 
-/// The base of presets that cast tiles of rays in wide vectors. The passes of these presets are fused, since a
-/// tile's hits are best shaded while the tile's triangles are in the caches.
+/// The base of presets that cast rays in tiles, with the rays of a tile in wide vectors. The passes of these
+/// presets are fused, since a tile's hits are best shaded while the tile's triangles are in the caches.
 const TILE: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,

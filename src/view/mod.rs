@@ -120,10 +120,9 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Shows the scene until the user or a limit ends the view. In each round of its loop, also
-    /// while no frame is left to cast, the function calls `changed`. If `changed` returns true (files have changed),
-    /// the function reads the scene and the kernels again. Returns the scene as it was last cast, and the numbers
-    /// for the report.
+    /// Shows the scene until the user or a limit ends the view. In each round of its loop, even while no frame is
+    /// left to cast, the function calls `changed`. If `changed` returns true (files have changed), the function
+    /// reads the scene and the kernels again. Returns the scene as it was last cast, and the numbers for the report.
     pub fn run(mut self, until: Until, mut changed: impl FnMut() -> bool) -> Result<(Live, Total)> {
         let start = Instant::now();
         loop {

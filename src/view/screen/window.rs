@@ -144,8 +144,8 @@ impl Window {
             .map_err(|error| Error::run(format!("the window cannot show a picture: {error}")))
     }
 
-    /// Shows the pixels through memory that raycl shares with the X server. Returns false if this is not possible; then
-    /// it is not tried again.
+    /// Shows the pixels through memory that raycl shares with the X server. Returns false if the pixels cannot be shown
+    /// in this way; raycl then does not try this way again.
     #[cfg(unix)]
     fn share(&mut self) -> bool {
         let shown = self.shared.as_mut().and_then(|shared| shared.show(&self.pixels, self.size));
