@@ -63,8 +63,8 @@ struct File {
     case: Vec<Entry>,
 }
 
-/// An entry `[[case]]` of a file that lists cases. An entry with the key `size` is one case; an entry with
-/// `sizes` is one case per size.
+/// An entry `[[case]]` of a file that lists cases. An entry with the key `size` stands for one case; an entry
+/// with `sizes` stands for one case per size.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {

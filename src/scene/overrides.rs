@@ -79,7 +79,8 @@ fn refuse_camera_after_angle(settings: &[Setting]) -> Result<()> {
 }
 
 /// Returns a note if the setting of an angle removes the field of view of the scene `document`, and no setting sets a
-/// field of view. (The position and the direction are not noted, since a user who sets an angle wants others.)
+/// field of view. (There is no note on the position and the direction, since a user who sets an angle wants to
+/// replace them.)
 pub(super) fn note_removed_fov(document: &Table, settings: &[Setting]) -> Option<String> {
     let angle = settings.iter().find(|setting| is_angle(&setting.path))?;
     let is_fov = |path: &str| path.strip_prefix("camera.").is_some_and(|key| FOV.contains(&key));

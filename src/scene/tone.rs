@@ -51,8 +51,8 @@ impl Tone {
 
     /// Returns the smallest exposed radiance that has the brightness `brightness`, a number from 0 to 1.
     pub fn inverse(self, brightness: f64) -> f64 {
-        // The result is the solution x, not negative, of (a - c y) x^2 + (b - d y) x - y = 0. This form needs no
-        // division by a - c y.
+        // The result is the solution x of (a - c y) x^2 + (b - d y) x - y = 0 that is not negative. This form
+        // needs no division by a - c y.
         let ([a, b, c, d], y) = (self.coefficients(), brightness);
         let (square, linear) = (a - c * y, b - d * y);
         2.0 * y / (linear + (linear * linear + 4.0 * square * y).sqrt())

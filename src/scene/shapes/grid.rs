@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 /// Returns a mesh of `columns` x `rows` quads of two triangles each, over u and v from 0 to 1. `surface`
 /// returns the point at (u, v) and its normal. The normal must point in the direction of the cross product of two
-/// derivatives of the surface: first that by u, then that by v.
+/// derivatives of the surface: the derivative by u, then the derivative by v.
 pub(super) fn grid(columns: u32, rows: u32, surface: impl Fn(f64, f64) -> (DVec3, DVec3) + Sync) -> Mesh {
     let (columns, rows) = (columns.max(1), rows.max(1));
     let stride = columns + 1;
