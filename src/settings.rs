@@ -129,10 +129,10 @@ fn without_text(path: &Path, error: &IoError) -> Result<Settings> {
 }
 
 /// Returns true if `error`, from opening the settings file, means that this user has no settings file. The
-/// user has no settings file if the file does not exist. Nor has the user a settings file if a part of the
-/// file's path is a file instead of a folder: services often have the home folder /dev/null. The same is true
-/// if the settings file is in a folder in which this user may not look up files, such as another user's home
-/// folder. `metadata` is the settings file's metadata, or the error from reading the metadata.
+/// user has no settings file if the file does not exist. The settings file also counts as missing if a part
+/// of its path is a file instead of a folder: services often have the home folder /dev/null. The settings
+/// file also counts as missing if it is in a folder in which this user may not look up files, such as another
+/// user's home folder. `metadata` is the settings file's metadata, or the error from reading the metadata.
 fn is_out_of_reach(error: &IoError, metadata: std::io::Result<Metadata>) -> bool {
     let is_denied = |error: &IoError| error.kind() == ErrorKind::PermissionDenied;
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)

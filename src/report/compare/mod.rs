@@ -1,5 +1,5 @@
 //! Compares two folders of results. For each point, decides whether its time became shorter, became longer or
-//! stayed the same, or that this is unclear.
+//! stayed the same. The result can also be that this is unclear.
 
 mod change;
 mod judging;
