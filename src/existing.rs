@@ -133,8 +133,8 @@ pub fn still_leads_to(path: &Path, file: &File) -> IoResult<bool> {
     Ok(named.is_file() && (named.dev(), named.ino()) == (open.dev(), open.ino()))
 }
 
-/// Returns true if a path leads to a file or folder. It need not be the open file: on systems other than
-/// Unix, raycl does not find out whether two files are the same.
+/// Returns true if a path leads to a file or folder. The file at the path need not be the open file: on
+/// systems other than Unix, raycl does not find out whether two files are the same.
 ///
 /// # Errors
 ///

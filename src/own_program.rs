@@ -1,5 +1,5 @@
-//! Makes commands that start the running program once more, for example as a worker, or to measure peak rates
-//! in a child process.
+//! Makes commands that start another process of the running program, for example a worker, or a child process
+//! that measures peak rates.
 
 use crate::device::drivers::LIBRARIES;
 use crate::error::{Error, Result};

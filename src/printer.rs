@@ -1,6 +1,6 @@
-//! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and
-//! Markdown. All text that raycl did not write itself must pass through this module. Control characters could
-//! move a terminal's cursor, rename its window or forge lines of a log, and invisible characters could hide a
+//! Prints text from any source (names, contents of files, drivers' messages) to terminals and Markdown. All
+//! text that raycl did not write itself must pass through this module. Control characters could move a
+//! terminal's cursor, rename its window or forge lines of a log, and invisible characters could hide a
 //! mistake. These characters are printed as escapes such as `\u001b`, which are also valid in strings of JSON.
 
 use std::borrow::Cow;

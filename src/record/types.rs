@@ -1,4 +1,4 @@
-//! Defines the record of a point. A line of `records.jsonl` is a record, also if the point could not be measured.
+//! Defines the record of a point. A line of `records.jsonl` is a record, even if the point could not be measured.
 //! `docs/format.md` documents every field that is stored.
 
 use super::axes::axes;

@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 /// Pause between two readings of a sensor.
 const PERIOD: Duration = Duration::from_millis(20);
-/// Largest number of readings that are stored. So many readings cover more than a minute.
+/// Largest number of readings that are stored. At one reading per `PERIOD`, this number of readings covers
+/// more than a minute.
 const MOST_READINGS: usize = 4096;
 /// Shortest interval over which the energy counter is used: some devices update the counter only about ten
 /// times per second.

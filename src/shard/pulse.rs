@@ -42,8 +42,8 @@ impl Beat {
         Some(Self { beats: numbers.next()??, quiet: numbers.next()??, steps: numbers.next()?? })
     }
 
-    /// Returns the contents of the counter's file after the counter has increased once more. `waits` is true
-    /// if the attempt has waited for another process since the counter last increased.
+    /// Returns the contents of the counter's file after the counter's next increase. `waits` is true if the
+    /// attempt has waited for another process since the counter last increased.
     fn after(self, steps: u64, waits: bool) -> Self {
         let quiet = if steps == self.steps && !waits { self.quiet + 1 } else { 0 };
         Self { beats: self.beats + 1, quiet, steps }

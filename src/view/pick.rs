@@ -59,8 +59,8 @@ pub fn pick(
 /// pointer is over the picture for the first time, and again after the scene or the strategy's culling has changed.
 #[derive(Default)]
 pub struct Picker {
-    /// The scene and the culling for which a tree was last asked for, even if the tree was refused; `None` before a
-    /// tree was first asked for.
+    /// The scene and the culling of the tree that was last requested, even if this request was refused; `None`
+    /// before the first request.
     of: Option<(Arc<Scene>, Culling)>,
     building: Option<JoinHandle<Tree>>,
     tree: Option<Tree>,
@@ -90,9 +90,9 @@ impl Picker {
         self.building.is_some()
     }
 
-    /// Begins to build the tree of a scene, unless this tree was asked for last. Begins only after the previous tree is
-    /// complete. If the function did not wait for the previous tree, and a scene changed quickly, the trees of several
-    /// versions of the scene would be in memory together.
+    /// Begins to build the tree of a scene, unless the last request was for the same tree. Begins only after the
+    /// previous tree is complete. If the function did not wait for the previous tree, and a scene changed quickly, the
+    /// trees of several versions of the scene would be in memory together.
     fn ask_for_tree(
         &mut self,
         scene: &Arc<Scene>,

@@ -6,8 +6,8 @@ use std::collections::VecDeque;
 /// Lines with more characters than this number are broken if possible.
 const WIDEST: usize = 120;
 /// If the contents of a round bracket begin at this column or further left, the next lines of the contents begin
-/// at the same column. Otherwise, the next lines of the contents are indented by four columns more than the
-/// statement.
+/// at the column where the contents begin. Otherwise, the next lines of the contents are indented by four
+/// columns more than the statement.
 const FURTHEST: usize = 80;
 
 /// Joins a line with the following lines until all round brackets are closed. Macros have shifted the
