@@ -222,9 +222,9 @@ fn all_sizes(contests: &[Contest<'_>]) -> String {
     if contests.iter().any(seems_wrong) { format!("{sizes}. {NOT_BY_MEDIANS}") } else { sizes }
 }
 
-/// Returns true if medians seem to contradict a ranking. This is so if the median of a point is clearly
-/// smaller than the median of the fastest point, or if the median of a point that does not tie is clearly
-/// smaller than the median of a point that ties.
+/// Returns true if medians seem to contradict a ranking. This is so in two cases: a point has a clearly
+/// smaller median than the fastest point; or a point that does not tie with the fastest point has a clearly
+/// smaller median than a point that ties with it.
 fn medians_contradict(ranking: &Ranking<&Record>) -> bool {
     let Some(best) = ranking.winners.first() else { return false };
     let is_below = |record: &Record, other: &Record| {

@@ -21,8 +21,9 @@ pub(super) fn is_numeric(value: &Value) -> bool {
     }
 }
 
-/// Returns true if two numeric values have the same structure, that is, if both are numbers, or if both are
-/// lists of the same length whose elements also have the same structure.
+/// Returns true if two numeric values have the same structure. Any two numbers have the same structure. Two
+/// lists have the same structure if they have the same length, and if each two corresponding elements have
+/// the same structure.
 pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Array(a), Value::Array(b)) => {
