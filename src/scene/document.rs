@@ -364,6 +364,7 @@ mod tests {
         for path in ["a.b/teapot.obj", "teapot.obj.gz", "teapot.toml"] {
             assert_eq!(stem(Path::new(path)), "teapot", "{path}");
         }
+        assert_eq!(stem(Path::new("-")), "picture");
     }
 
     /// Loads a file with the text `text`, as if another file named it. If `is_in_folder` is true, the loaded
