@@ -1,15 +1,16 @@
-//! Chooses where to cut a node in two, by the binned surface-area heuristic. A node of the tree is divided
-//! into slices along each of the three axes, and a cut lies between two slices. The cost of a cut is a sum
-//! over the cut's two sides: half the surface area of the side's box, times the number of triangles on the
-//! side. A node is a list of primitives (a primitive is a triangle's box and number) or, in the upper part of
-//! a large tree for one frame, a list of cells of primitives.
+//! Chooses where to cut a node in two, by the binned surface-area heuristic. A node of the tree is divided into slices
+//! along each of the three axes, and a cut lies between two slices. The cost of a cut is a sum over the cut's two
+//! sides: half the surface area of the side's box, times the number of triangles on the side. A node is a list of
+//! primitives; a primitive is a triangle's box and number. If a large tree is built for one frame, the nodes in its
+//! upper part are lists of grid cells instead, and each cell contains primitives.
 //!
 //! Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007.
 
 use super::bounds::{Bounds, Primitive};
 use glam::Vec4;
 
-/// An item of a node: a primitive or, in the upper part of a large tree for one frame, a cell of primitives.
+/// An item of a node: a primitive, or a grid cell that contains primitives. Only the upper part of a large tree for one
+/// frame has nodes of cells.
 pub(super) trait Boxed {
     /// The item's box, as a primitive. If the item is a cell, the triangle number in this primitive has no
     /// meaning.
@@ -150,9 +151,9 @@ impl<const N: usize> Bins<N> {
         (cost < f32::INFINITY).then(|| self.cut(axis, slice, slicer, region))
     }
 
-    /// Returns the better of `best` and the best cut along one axis. A cut is given as a tuple of its cost,
-    /// its axis and the first slice of its right side. An empty side has an infinite area and no triangles,
-    /// so the cost of a cut with an empty side is NaN, which does not compare as less than another cost.
+    /// Returns the better of `best` and the best cut along one axis. A cut is given as a tuple of its cost, its axis
+    /// and the first slice of its right side. An empty side has an infinite area and no triangles, so the cost of a cut
+    /// with an empty side is NaN. NaN is not less than any cost, so such a cut is never chosen.
     #[inline(always)]
     fn best_on_axis(&self, axis: usize, mut best: (f32, usize, usize)) -> (f32, usize, usize) {
         let (bounds, counts) = (&self.bounds[axis], &self.counts[axis]);

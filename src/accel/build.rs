@@ -23,9 +23,9 @@ const PARALLEL_NODE: usize = 1 << 16;
 /// Number of triangles in a chunk, the unit of work when all cores compute boxes. In a node with more than
 /// `PARALLEL_NODE` triangles, all cores also count and move the triangles chunk by chunk.
 pub(super) const CHUNK: usize = 1 << 14;
-/// One task builds a whole subtree with at most this many triangles, unless the subtree has several grid cells.
+/// A subtree with at most this many triangles is built by a single task, unless the subtree has several grid cells.
 const TASK: usize = 1 << 12;
-/// If a subtree has at most this many triangles, and the subtree around it has more, the builder joins the subtree's
+/// If a subtree has at most this many triangles, and its parent's subtree has more, the builder joins the subtree's
 /// nodes into one allocation as soon as the subtree is finished. When a large allocation is freed, the allocator
 /// returns its memory to the system. If the nodes stayed in many small allocations, the allocator would keep their
 /// memory, and large meshes would need a tenth more memory.

@@ -169,8 +169,8 @@ impl Grid {
             extent.to_array().map(steps)
         };
         let cells = |steps: [u32; 3]| steps.map(f64::from).iter().product::<f64>();
-        // The search for the length of a cell's side starts with the shortest length that may be right. With
-        // this length, the grid has too many cells, unless the box is a point or almost a line.
+        // The search for the length of a cell's side starts with a length that is usually too short: with this length,
+        // the grid has too many cells, unless the box is a point or almost a line.
         let mut side = extent.max_element() / most as f64;
         while cells(steps_of(side)) > most as f64 {
             side *= 1.02;

@@ -67,10 +67,9 @@ pub fn temporary() -> Option<PathBuf> {
     private(temporary_path()?)
 }
 
-/// Makes a private folder, if it does not exist. Accepts a parent folder into which everybody may write, such
-/// as some volumes of containers. Returns `None` for the same reasons as [`temporary`]. Also returns `None`
-/// if the folder does not exist, and its nearest ancestor that exists belongs neither to this user nor to the
-/// superuser.
+/// Makes a private folder, if it does not exist. The parent folder may be one into which everybody may write, as is the
+/// case for some volumes of containers. Returns `None` for the same reasons as [`temporary`]. Also returns `None` if
+/// the folder does not exist, and its nearest ancestor that exists belongs neither to this user nor to the superuser.
 pub fn private_in_shared(folder: PathBuf) -> Option<PathBuf> {
     let around = existing_ancestor(&folder)?.metadata().ok()?;
     if is_own_or_roots(&around) { private(folder) } else { None }

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 /// The environment variable that names, by an absolute path, a folder for the device locks instead of the
 /// shared folder.
 const VARIABLE: &str = "RAYCL_LOCK_DIR";
-/// How often a lock is opened if its folder is replaced again and again. Every process replaces the folder at most once.
+/// The largest number of attempts to open a lock whose folder is replaced again and again. Every process replaces the
+/// folder at most once.
 const ATTEMPTS: usize = 100;
 /// The remedy if [`VARIABLE`] names a relative path.
 const ABSOLUTE: &str = "set it to an absolute path, such as /tmp/my-locks; all processes that measure on this machine \
@@ -115,9 +116,9 @@ impl Folder {
     }
 }
 
-/// Opens a lock in the shared folder with `open`. Processes that make this folder at the same time replace it while it is
-/// still empty ([`make_shared`]). If a file is created in the folder just when it is replaced, the file is not found, so
-/// `open` is called again.
+/// Opens a lock in the shared folder with `open`. If several processes make this folder at the same time, one of them
+/// may replace the empty folder of another ([`make_shared`]). If `open` creates a file in the folder just when the
+/// folder is replaced, the file is not found, so `open` is called again.
 fn until_found(mut open: impl FnMut() -> std::io::Result<File>) -> std::io::Result<File> {
     for _ in 1..ATTEMPTS {
         match open() {

@@ -1,15 +1,17 @@
-//! The compressed values of a JPEG's scan (ITU-T T.81, annex F): the tables of their codes, and the bits.
+//! The compressed values of a JPEG's scan (ITU-T T.81, annex F): the code tables, and the bits in which the values are
+//! stored as codes.
 
 use super::jpeg::MARKER;
 
-/// The second byte of the first of the eight markers for restarts.
+/// The second byte of the first restart marker. (There are eight restart markers, and their second bytes are
+/// consecutive.)
 pub(super) const FIRST_RESTART: u8 = 0xd0;
 
 /// For each possible value of the next 16 bits: the length and the value of the code with which these 16 bits begin.
 /// The length is 0 if the 16 bits begin with no code.
 pub(super) type Codes = Vec<[u8; 2]>;
 
-/// Adds the tables of codes of a segment to `codes`.
+/// Adds the code tables in the segment `data` to `codes`.
 pub(super) fn add_codes(codes: &mut [Codes; 8], mut data: &[u8]) -> Option<()> {
     while let Some((kind, rest)) = data.split_first() {
         let (lengths, mut rest) = rest.split_first_chunk::<16>()?;
@@ -17,7 +19,7 @@ pub(super) fn add_codes(codes: &mut [Codes; 8], mut data: &[u8]) -> Option<()> {
         for (length, count) in (1..).zip(lengths) {
             let (values, after) = rest.split_at_checked(usize::from(*count))?;
             let places = 1 << (16 - length);
-            // More codes than there are bits for are not valid, and would take much memory.
+            // A table with more codes than 16 bits can distinguish is not valid, and would take much memory.
             if table.len() + values.len() * places > 1 << 16 {
                 return None;
             }
@@ -35,7 +37,7 @@ pub(super) fn add_codes(codes: &mut [Codes; 8], mut data: &[u8]) -> Option<()> {
 pub(super) struct Bits<'a> {
     /// The bytes that are not in `word` yet.
     pub(super) rest: &'a [u8],
-    /// The next bits, of which the lowest is the last.
+    /// The next bits of the scan. The lowest bit of `word` is the last of these bits.
     word: u64,
     /// Number of bits in `word`.
     count: u32,
@@ -49,7 +51,8 @@ impl<'a> Bits<'a> {
         Self { rest, word: 0, count: 0, is_padded: false }
     }
 
-    /// Fills `word` with the bits before the next marker. If there are too few, adds eight zeros once.
+    /// Fills `word` with the bits before the next marker. If too few bits are left before the marker, adds eight zeros
+    /// once.
     fn fill(&mut self) {
         while self.count <= 56 {
             let (byte, length) = match *self.rest {
@@ -67,8 +70,8 @@ impl<'a> Bits<'a> {
         }
     }
 
-    /// Passes a code and the bits after it. The lower half of the code's value states how many bits these are. Returns
-    /// the code's value.
+    /// Skips a code and the additional bits that follow the code, and returns the code's value. The lower half of the
+    /// code's value is the number of additional bits.
     pub(super) fn pass(&mut self, codes: &Codes) -> Option<u8> {
         if self.count < 32 {
             self.fill();
@@ -89,7 +92,7 @@ impl<'a> Bits<'a> {
         Some((self.word >> self.count) as u32 & ((1 << bits) - 1))
     }
 
-    /// Passes `count` bits.
+    /// Skips `count` bits.
     pub(super) fn pass_bits(&mut self, mut count: u32) -> Option<()> {
         while count > 0 {
             let part = count.min(16);
@@ -106,7 +109,7 @@ impl<'a> Bits<'a> {
         self.count.saturating_sub(added) >= 16
     }
 
-    /// Passes the marker for the restart `index`.
+    /// Skips the next restart marker; returns `None` if its number is not `index`.
     pub(super) fn pass_restart(&mut self, index: u8) -> Option<()> {
         self.pass_rest();
         let kind = self.rest.iter().position(|byte| *byte != MARKER)?;
@@ -115,7 +118,7 @@ impl<'a> Bits<'a> {
         is_next.then_some(())
     }
 
-    /// Passes all bytes before the next marker.
+    /// Skips all bytes before the next marker.
     pub(super) fn pass_rest(&mut self) {
         while let [MARKER, 0, rest @ ..] | [0..=0xfe, rest @ ..] = self.rest {
             self.rest = rest;

@@ -1,23 +1,25 @@
-//! Passes the blocks of a JPEG's scan: whole blocks (ITU-T T.81, annex F), or what a scan of a progressive picture has
-//! of each block (annex G).
+//! Skips the blocks of a JPEG's scan, without decoding them. A scan contains whole blocks (ITU-T T.81, annex F) or, in
+//! a progressive picture, some bits of some coefficients of each block (annex G).
 
 use super::jpeg_bits::{Bits, Codes};
 use super::jpeg_frame::Layer;
 
 /// Number of coefficients of a block.
 const COEFFICIENTS: u32 = 64;
-/// If the lower half of a code's value is 0 and the upper half is this number, then 16 zeros follow. If the upper half
-/// is smaller, then no further coefficient of the block becomes nonzero.
+/// If the lower half of a code's value is 0 and the upper half is `SIXTEEN_ZEROS`, the code stands for 16 coefficients
+/// that are 0. If the lower half is 0 and the upper half is less than `SIXTEEN_ZEROS`, no further coefficient of the
+/// block becomes nonzero in this scan.
 const SIXTEEN_ZEROS: u8 = 15;
 /// The largest number of bits of a block's first coefficient.
 const MOST_BITS: u8 = 15;
 
-/// Passes a whole block.
+/// Skips a whole block.
 pub(super) fn pass_whole(bits: &mut Bits<'_>, [first, others]: [&Codes; 2]) -> Option<()> {
     bits.pass(first)?;
     let mut at = 1;
     while at < COEFFICIENTS {
-        // The upper half of a code's value is the number of zeros before the coefficient. The value 0 ends a block.
+        // The upper half of a code's value is the number of coefficients that are 0 before the coefficient to which the
+        // code belongs. The value 0 ends the block.
         match bits.pass(others)? {
             0 => return Some(()),
             value => at += u32::from(value >> 4) + 1,
@@ -26,10 +28,11 @@ pub(super) fn pass_whole(bits: &mut Bits<'_>, [first, others]: [&Codes; 2]) -> O
     (at == COEFFICIENTS).then_some(())
 }
 
-/// A scan of a progressive picture that is being passed.
+/// A scan of a progressive picture whose blocks are being skipped.
 pub(super) struct Layered {
     layer: Layer,
-    /// Number of the next blocks in which no further coefficient becomes nonzero.
+    /// The number of blocks, counted from the current block, in which no further coefficient becomes nonzero in this
+    /// scan.
     ended: u32,
 }
 
@@ -38,7 +41,8 @@ impl Layered {
         Self { layer, ended: 0 }
     }
 
-    /// Passes what the scan has of a block. In `nonzero`, the bits of the coefficients that are not 0 are set.
+    /// Skips the part of a block that this scan contains. In `nonzero`, the bit of each coefficient that is not 0 is
+    /// set; this function sets the bits of coefficients that become nonzero in this scan.
     pub fn pass(
         &mut self,
         bits: &mut Bits<'_>,
@@ -53,7 +57,7 @@ impl Layered {
         }
     }
 
-    /// Passes the upper bits of coefficients.
+    /// Skips the upper bits of a block's coefficients.
     fn pass_upper(&mut self, bits: &mut Bits<'_>, codes: &Codes, nonzero: &mut u64) -> Option<()> {
         let mut at = self.layer.first;
         while self.ended == 0 && at <= self.layer.last {
@@ -68,7 +72,8 @@ impl Layered {
         Some(())
     }
 
-    /// Passes the next bit of coefficients that are not 0, and the first bits of others.
+    /// Skips one further bit of each coefficient that is not 0, and the first bit of each coefficient that becomes
+    /// nonzero in this scan.
     fn pass_next(&mut self, bits: &mut Bits<'_>, codes: &Codes, nonzero: &mut u64) -> Option<()> {
         let mut at = self.layer.first;
         while self.ended == 0 && at <= self.layer.last {
@@ -82,7 +87,7 @@ impl Layered {
             at += 1;
         }
         if self.ended > 0 {
-            // Each coefficient that is not 0 has one bit.
+            // The scan has one bit of each remaining coefficient that is not 0.
             let remaining = *nonzero & u64::MAX << at & u64::MAX >> (COEFFICIENTS - 1 - self.layer.last);
             bits.pass_bits(remaining.count_ones())?;
             self.ended -= 1;
@@ -90,9 +95,9 @@ impl Layered {
         Some(())
     }
 
-    /// Passes a code. Returns the number of zeros before the next coefficient, and the number of this coefficient's
-    /// bits, which are passed, too; 0 bits mean that the coefficient stays 0. Returns `Some(None)` if no further
-    /// coefficient of this block becomes nonzero, and sets `ended`.
+    /// Skips a code and the bits of the coefficient to which the code belongs. Returns how many coefficients before
+    /// this coefficient are 0, and the number of this coefficient's bits; 0 bits mean that the coefficient stays 0. If
+    /// no further coefficient of this block becomes nonzero, sets `ended` and returns `Some(None)`.
     fn zeros(&mut self, bits: &mut Bits<'_>, codes: &Codes) -> Option<Option<(u32, u8)>> {
         let value = bits.pass(codes)?;
         let (upper, length) = (value >> 4, value & 15);
@@ -103,13 +108,14 @@ impl Layered {
         Some(Some((u32::from(upper), length)))
     }
 
-    /// Returns the bit of a coefficient of the scan; `None` if it has no such coefficient.
+    /// Returns a word in which only the bit of the coefficient `at` is set; `None` if the scan does not contain this
+    /// coefficient.
     fn bit(&self, at: u32) -> Option<u64> {
         (at <= self.layer.last).then(|| 1 << at)
     }
 
-    /// Passes `zeros` coefficients that are 0, and one bit of each other coefficient up to the next zero. Returns the
-    /// position of this zero.
+    /// Skips `zeros` coefficients that are 0, from the position `at`, and one bit of each nonzero coefficient up to the
+    /// next coefficient that is 0. Returns the position of the latter.
     fn after_zeros(&self, bits: &mut Bits<'_>, mut at: u32, mut zeros: u32, nonzero: u64) -> Option<u32> {
         while at <= self.layer.last {
             if nonzero >> at & 1 == 1 {

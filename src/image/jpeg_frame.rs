@@ -1,4 +1,5 @@
-//! The frame of a JPEG and the headers of its scans (ITU-T T.81, annex B): which blocks a scan has, and in which order.
+//! The frame of a JPEG (its size and colour components) and the headers of its scans (ITU-T T.81, annex B). They
+//! determine which blocks a scan has, and in which order.
 
 /// The second bytes of the markers of frames with Huffman coding: baseline, extended and progressive.
 const SEQUENTIAL: [u8; 2] = [0xc0, 0xc1];
@@ -18,19 +19,21 @@ pub(super) struct Frame {
 
 struct Component {
     name: u8,
-    /// Number of blocks across and down in a group.
+    /// The component's number of blocks in a group of blocks, across and down.
     sampling: [usize; 2],
-    /// For each block of a progressive picture, the coefficients that are not 0 after the scans that were passed: one
-    /// bit each. Empty before the component's first scan of such coefficients.
+    /// For each block of a progressive picture, a word with one bit per coefficient: the bit is set if one of the scans
+    /// that were skipped so far makes the coefficient nonzero. Empty before the component's first scan with
+    /// coefficients other than the first.
     nonzero: Vec<u64>,
 }
 
 /// The header of a scan.
 pub(super) struct Scan {
-    /// Number of groups. A group has the blocks of each component of the scan for the same part of the picture.
+    /// Number of groups of blocks. A group contains, for one small part of the picture, the blocks of all components of
+    /// the scan.
     pub groups: usize,
     pub parts: Vec<Part>,
-    /// What a scan of a progressive picture has of each block; `None` if the scan has whole blocks.
+    /// The part of each block that a scan of a progressive picture contains; `None` if the scan contains whole blocks.
     pub layer: Option<Layer>,
 }
 
@@ -43,13 +46,13 @@ pub(super) struct Part {
     pub tables: [usize; 2],
 }
 
-/// The coefficients and bits that a scan of a progressive picture has of each block.
+/// The part of each block that a scan of a progressive picture contains: some bits of a range of coefficients.
 #[derive(Clone, Copy)]
 pub(super) struct Layer {
-    /// The first and the last coefficient.
+    /// The scan contains bits of the coefficients from `first` to `last`.
     pub first: u32,
     pub last: u32,
-    /// True if the scan has one further bit of coefficients whose upper bits an earlier scan had.
+    /// True if the scan contains one further bit of coefficients whose upper bits an earlier scan contains.
     pub is_refinement: bool,
 }
 
@@ -71,7 +74,7 @@ impl Frame {
         })
     }
 
-    /// Reads the header of a scan; returns `None` if it is not valid.
+    /// Reads the header of a scan; returns `None` if the header is not valid.
     pub fn scan(&self, data: &[u8]) -> Option<Scan> {
         let count = usize::from(*data.first()?);
         let parts = data.get(1..1 + 2 * count)?.chunks_exact(2);
@@ -88,8 +91,8 @@ impl Frame {
         is_valid.then_some(Scan { groups, parts, layer })
     }
 
-    /// Returns, for each block of a scan that has coefficients after the first, the coefficients that are not 0 after
-    /// the earlier scans. Returns an empty slice for other scans.
+    /// For a scan with coefficients other than the first, returns a word for each block: the bits of the coefficients
+    /// that are nonzero after the earlier scans are set. Returns an empty slice for other scans.
     pub fn nonzero(&mut self, scan: &Scan) -> &mut [u64] {
         match (&scan.layer, scan.parts.first()) {
             (Some(Layer { first: 1.., .. }), Some(part)) => {
@@ -105,7 +108,7 @@ impl Frame {
     fn part(&self, bytes: &[u8], count: usize) -> Option<Part> {
         let component = self.components.iter().position(|component| component.name == bytes[0])?;
         let [across, down] = self.components[component].sampling;
-        // The blocks of a single component are not grouped.
+        // If a scan has a single component, each block is a group of its own.
         let blocks = if count == 1 { 1 } else { across * down };
         let tables = [usize::from(bytes[1] >> 4 & 3), 4 + usize::from(bytes[1] & 3)];
         Some(Part { component, blocks, tables })

@@ -1,6 +1,6 @@
 //! Checks the compressed values of a JPEG (ITU-T T.81, Huffman coding), which the decoder does not check: the decoder
-//! replaces missing or damaged values by other values, and reports no error. Only the lengths of the values are read,
-//! so the check takes less time than decoding.
+//! replaces missing or damaged values by other values, and reports no error. The check reads only the lengths of the
+//! values, so it takes less time than decoding.
 
 use super::decode::segments_of;
 use super::jpeg::START_OF_SCAN;
@@ -9,16 +9,18 @@ use super::jpeg_blocks::{Layered, pass_whole};
 use super::jpeg_frame::{Frame, Scan, number};
 use super::jpeg_scans;
 
-/// The second bytes of markers: code tables, and the number of groups of blocks between markers for restarts.
+/// The second bytes of the markers of two kinds of segments: code tables, and the number of groups of blocks between
+/// restart markers.
 const CODES: u8 = 0xc4;
 const RESTARTS: u8 = 0xdd;
 /// The largest number of scans that are checked. The decoder refuses pictures with more scans.
 const MOST_SCANS: usize = 100;
 
-/// Returns true if the compressed values of a scan end too early for its number of blocks, or contain a code that does
-/// not exist, or if a progressive picture lacks scans. Nearly all losses of many bytes have one of these effects. Bytes
-/// that are left after the last block count only in progressive pictures, since some programs write such bytes after
-/// the single scan of other pictures. What the headers do not define well is not checked.
+/// Returns true if the compressed values of a scan end before the scan's last block, if they contain a code that does
+/// not exist, or if a progressive picture lacks scans. If a file has lost many bytes, the loss nearly always has one of
+/// these effects. A progressive picture also counts as damaged if bytes are left after a scan's last block. In other
+/// pictures, such bytes are no damage, since some programs write them. A scan whose headers are not valid is not
+/// checked, and neither are the scans after it.
 pub fn is_damaged(bytes: &[u8]) -> bool {
     jpeg_scans::are_missing(bytes) || has_damaged_scan(bytes)
 }
@@ -36,11 +38,11 @@ fn has_damaged_scan(bytes: &[u8]) -> bool {
     false
 }
 
-/// What the segments before a scan define.
+/// The tables and settings that the segments before a scan define.
 #[derive(Default)]
 struct Header {
     codes: [Codes; 8],
-    /// Number of groups of blocks between markers for restarts; 0 if there are no such markers.
+    /// Number of groups of blocks between restart markers; 0 if there are no restart markers.
     restarts: usize,
     frame: Option<Frame>,
 }
@@ -58,7 +60,7 @@ impl Header {
                     let is_known = scan.tables().all(|table| !self.codes[table].is_empty());
                     return is_known.then_some((scan, Bits::of(rest)));
                 }
-                // A second frame, or the end of the picture, after which another picture may follow.
+                // This is a second frame, or the end of the picture; another picture may follow the end.
                 0xc0..=0xcf | 0xd8 | 0xd9 if self.frame.is_some() => return None,
                 0xc0..=0xcf => self.frame = Some(Frame::of_segment(kind, data)?),
                 _ => {}
@@ -67,8 +69,8 @@ impl Header {
         None
     }
 
-    /// Passes all blocks of a scan; returns `None` if the bits end early or have a code that does not exist, or if a
-    /// scan of a progressive picture has more bits.
+    /// Skips all blocks of a scan. Returns `None` if the bits end before the last block, if they contain a code that
+    /// does not exist, or if the scan of a progressive picture has further bits after its last block.
     fn pass_scan(&mut self, scan: &Scan, bits: &mut Bits<'_>) -> Option<()> {
         let nonzero = self.frame.as_mut()?.nonzero(scan);
         let (mut layered, mut unused) = (scan.layer.map(Layered::new), 0);

@@ -1,6 +1,6 @@
 //! Checks that a progressive JPEG (ITU-T T.81, annex G) has its last scans. A block of a component has 64 coefficients;
-//! each scan has some bits of some coefficients of one or more components. The decoder also decodes a file without its
-//! last scans: the picture is then blurred or has wrong colours.
+//! each scan contains some bits of some coefficients of one or more components. The decoder also decodes a file without
+//! its last scans: the picture is then blurred or has wrong colours.
 
 use super::decode::segments_of;
 use super::jpeg::{END_OF_IMAGE, MARKER, START_OF_SCAN};
@@ -46,7 +46,7 @@ fn pass_header<'a>(rest: &'a [u8], components: &mut Vec<(u8, u64)>) -> Option<&'
                 }
                 return pass_scan(after);
             }
-            // Another picture may follow.
+            // The picture ends here; another picture may follow in the file.
             kind if kind == END_OF_IMAGE[1] => return None,
             _ => {}
         }
@@ -54,7 +54,7 @@ fn pass_header<'a>(rest: &'a [u8], components: &mut Vec<(u8, u64)>) -> Option<&'
     None
 }
 
-/// Returns the bytes that begin with the first marker after a scan.
+/// Returns the rest of the file, from the first marker after a scan.
 fn pass_scan(rest: &[u8]) -> Option<&[u8]> {
     // If a zero or the number of a restart follows the first byte of a marker, the scan goes on.
     let ends = |pair: &[u8]| pair[0] == MARKER && !matches!(pair[1], 0 | 0xd0..=0xd7 | MARKER);
