@@ -14,7 +14,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// The empty box. The union of the empty box with another box is the other box.
+    /// The empty box. The union of the empty box and any other box equals that other box.
     pub const EMPTY: Self = Self { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
 
     /// Returns the box that contains a single point.

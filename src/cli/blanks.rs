@@ -1,6 +1,7 @@
-//! Adds advice to errors of clap (the library that parses the arguments) in three cases: the user wrote a strategy or a
-//! value of `--set` with blanks, such as `--strategy deferred, width=4`; the user wrote a blank after an option that
-//! needs `=`; or a shell took a colour for a comment, because the colour begins with `#` and is not in quotes.
+//! Adds advice to errors of clap (the library that parses the arguments) in three cases. First, the user wrote a
+//! strategy or a value of `--set` with blanks, such as `--strategy deferred, width=4`. Second, the user wrote a blank
+//! after an option that needs `=`. Third, a shell took a colour for a comment, because the colour begins with `#` and
+//! is not in quotes.
 
 use super::Cli;
 use super::guesses::with_tip;

@@ -135,9 +135,9 @@ fn emulate(document: &Document, wire: &wire::Emulate) -> Result<Emulate> {
     })
 }
 
-/// Returns the error for a `min_samples` that is larger than `max_samples`; `None` if one of them is not set or is out
-/// of range. If one of the two values is in the file and the other in `--set`, the error marks the value in `--set`,
-/// and says where the value in the file is.
+/// Returns the error for a `min_samples` that is larger than `max_samples`; `None` if one of these two values is not
+/// set or is out of range. If one of the two values is in the file and the other in `--set`, the error marks the value
+/// in `--set`, and says where the value in the file is.
 fn contradiction(document: &Document, wire: &wire::Timing) -> Option<Error> {
     let (min, max) = (wire.min_samples.as_ref()?, wire.max_samples.as_ref()?);
     if min.get_ref() <= max.get_ref() || *max.get_ref() < 1 || *min.get_ref() > MOST_SAMPLES {

@@ -73,7 +73,7 @@ pub fn pick_one(
 }
 
 /// Returns the device whose index `choose` returns. If `lane_test` is `Now` but the device's lane operations (how its
-/// work-items exchange values) are still untested, tries once more to test them. If this test fails, returns the test's
+/// work-items exchange values) are still untested, tries again to test them. If this test fails, returns the test's
 /// error.
 fn chosen(
     devices: Vec<Device>,

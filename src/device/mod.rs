@@ -278,9 +278,9 @@ impl DeviceInfo {
         self.extensions.iter().any(|extension| extension == "cl_nv_compiler_options")
     }
 
-    /// Returns true if the device's driver can return a compiled program's binary without compiling again.
-    /// PoCL is a driver that cannot do this: it usually compiles a kernel when the kernel starts, for the kernel's
-    /// local size. To return a binary, PoCL would compile every kernel once more.
+    /// Returns true if the device's driver can return a compiled program's binary without compiling again. PoCL is a
+    /// driver that cannot do this: it usually compiles a kernel when the kernel starts, for the kernel's local size.
+    /// PoCL would have to compile every kernel again before it could return a binary.
     pub fn has_binaries_at_hand(&self) -> bool {
         !is_pocl(&self.platform)
     }

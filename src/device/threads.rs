@@ -39,11 +39,11 @@ pub fn thread_variables() -> Vec<(&'static str, String)> {
 /// The environment variable that makes PoCL pin each of its threads to the processor of the same number.
 const PINNED: &str = "POCL_AFFINITY";
 
-/// Returns the environment variables that raycl must set before a driver is loaded, so that PoCL pins its
-/// threads. Returns no variables if the user has set `POCL_AFFINITY`, or has set more threads than the process may run
-/// at the same time. A text that is not a number counts as too many threads. Also returns no variables if the
-/// processors of the process are not the first processors of the machine, or if the process may use them only for part
-/// of the time.
+/// Returns the environment variables that raycl must set before a driver is loaded, so that PoCL pins its threads.
+/// Returns no variables if the user has set `POCL_AFFINITY`, or has set more threads than the process may run at the
+/// same time. If the user has set the number of threads to a text that is not a number, raycl also assumes that there
+/// are too many threads. Also returns no variables if the processors of the process are not the first processors of the
+/// machine, or if the process may use them only for part of the time.
 pub fn pinning_variables() -> Vec<(&'static str, String)> {
     pinning(value_of, &processors(), cores())
 }

@@ -37,9 +37,10 @@ impl Ord for LockName {
 }
 
 impl LockName {
-    /// Returns the name of a device's lock: from the device's UUID, else from its PCI address, else from its
-    /// platform, its name and, if several devices have this name, its number among them. For `None`, returns
-    /// the name of the lock of the host's processors.
+    /// Returns the name of a device's lock. The lock's name is made from the device's UUID. If the device has no UUID,
+    /// the lock's name is made from the device's PCI address. If the device has no PCI address either, the lock's name
+    /// is made from the device's platform, its name and, if several devices have this name, its number among them. For
+    /// `None`, returns the name of the lock of the host's processors.
     pub fn of(device: Option<&DeviceInfo>) -> Self {
         let Some(info) = device.filter(|info| info.kind != DeviceKind::Cpu) else {
             return Self { file: "cpu".to_owned(), label: "the host's processors".to_owned() };

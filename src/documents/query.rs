@@ -18,9 +18,9 @@ use crate::report::exponent;
 use crate::strategy::PRESETS;
 use serde_json::Value;
 
-/// The default number of significant digits of measured numbers, and of all numbers with a unit (also with the unit
-/// `%`). Without a unit, shares and numbers in scientific notation have 2 significant digits by default, and
-/// counts have all digits, and a query must not ask for another number of digits.
+/// The default number of significant digits of measured numbers without a unit, and of all numbers with a unit (`%` is
+/// a unit too). Without a unit, shares and numbers in scientific notation have 2 significant digits by default. A count
+/// without a unit is written with all its digits, and a query for such a count must not ask for a number of digits.
 const DIGITS: i32 = 3;
 /// The source name for the times that the paper published. The published times are part of the program, not
 /// of a folder of records.
@@ -225,8 +225,9 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
     }
 }
 
-/// Fits a power law to the median times of some records, as a function of another number of each record, and returns
-/// the exponent; [`Figure::Nothing`] if there are too few points for a fit. `across` is the name of the other number.
+/// Fits a power law to the median times of some records, and returns the exponent. The median time is fitted as a
+/// function of the number that `across` names, such as the number of triangles. Returns [`Figure::Nothing`] if there
+/// are too few points for a fit.
 fn grown(records: &[&Record], across: &str) -> Figure {
     let number = |record: &Record, name: &str| match figure(record, name) {
         Figure::Number(value, _) => Some(value),

@@ -110,9 +110,9 @@ fn start_ms(points: &[Cost]) -> f64 {
 /// neighbouring points. The expected time of each piece includes a start of workers.
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let (whole, start) = (whole_ms(group), start_ms(group));
-    // Pieces may take slightly longer than `most`, since each additional piece would measure the control point once
-    // more. A group has at most half as many pieces as points (rounded up): if a piece had only a single point,
-    // measuring the control point too would not be worthwhile.
+    // Pieces may take slightly longer than `most`, since each additional piece also has to measure the control point. A
+    // group has at most half as many pieces as points (rounded up): if a piece had only a single point, measuring the
+    // control point too would not be worthwhile.
     let wanted = (whole / (1.1 * most).max(f64::MIN_POSITIVE)).ceil();
     let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
     let control = control(group).filter(|_| count > 1);

@@ -214,9 +214,9 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the number of launches in which these points of a group still have to be measured. The number
-    /// of launches is at least 1, since points without a record are checked once more, even if earlier
-    /// sessions have taken all their samples.
+    /// Returns the number of launches in which these points of a group still have to be measured. The number of
+    /// launches is at least 1, since points without a record are checked again, even if earlier sessions have taken all
+    /// their samples.
     fn launches_left<'r>(&self, points: impl Iterator<Item = &'r Record>, past: &Past) -> usize {
         let samples = |key: &str| past.samples.get(key).map(Vec::as_slice).unwrap_or_default();
         let points: Vec<(&str, &[Taken])> =

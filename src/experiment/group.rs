@@ -233,9 +233,8 @@ impl OpenGroup {
             let start = Instant::now();
             match supervisor.check(pending.task())?.map(|checked| named(checked, &pending.record)) {
                 Ok((record, true)) => {
-                    // Only the record of the check in the first launch is used. In a later launch, the check
-                    // either casts the same picture as before, or compares another picture with the
-                    // reference.
+                    // Only the record of the check in the first launch is used. In a later launch, the check either
+                    // casts the same picture as in the first launch, or compares another picture with the reference.
                     if pending.verified.is_none() {
                         use_check(&mut pending, *record, ms_since(start));
                     }

@@ -1,18 +1,20 @@
 //! Finds samples during which the processors of a virtual machine probably ran on cores that were not at their usual
 //! distance.
 //!
-//! A host moves the processors of a virtual machine from one core to another, often for some seconds. While a virtual
-//! machine's processors run on cores far from each other, kernels whose work-groups share data take up to 1.5 times
-//! as long as usual. While two processors of a virtual machine share a core, kernels take about 1.4 times as long as
-//! usual (a median; some kernels even become faster). The core-to-core latency around a sample is the time in which a
-//! cache line moves from one processor to another. The core-to-core latency is larger than usual if the cores are far
-//! from each other, and smaller if processors share a core. The core-to-core latency is measured between samples, so
-//! it does not depend on the times of the points. *Near* processors run on cores at their usual distance. A sample
-//! does not count if the core-to-core latency around the sample is much larger or smaller than the latency of near
-//! processors in the same run. Before a sample, a launch waits until the processors run on cores at their usual
-//! distance, but only for a limited time. All samples count until a run has read the latency often enough to know the
-//! latency's usual value. A launch does not count if too few of its samples count; an additional launch replaces a
-//! launch that does not count. A group has at most twice as many launches as requested.
+//! The host of a virtual machine runs each of the machine's processors on one of the host's cores. Two processors can
+//! share a core, as its two hardware threads. A host moves the processors of a virtual machine from one core to
+//! another, often for some seconds. While a virtual machine's processors run on cores far from each other, kernels
+//! whose work-groups share data take up to 1.5 times as long as usual. While two processors of a virtual machine share
+//! a core, kernels take about 1.4 times as long as usual (a median; some kernels even become faster). The core-to-core
+//! latency around a sample is the time in which a cache line moves from one processor to another. The core-to-core
+//! latency is larger than usual if the cores are far from each other, and smaller if processors share a core. The
+//! core-to-core latency is measured between samples, so it does not depend on the times of the points. *Near*
+//! processors run on cores at their usual distance. A sample does not count if the core-to-core latency around the
+//! sample is much larger or smaller than the latency of near processors in the same run. Before a sample, a launch
+//! waits until the processors run on cores at their usual distance, but only for a limited time. All samples count
+//! until a run has read the latency often enough to know the latency's usual value. A launch does not count if too few
+//! of its samples count; an additional launch replaces a launch that does not count. A group has at most twice as many
+//! launches as requested.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
@@ -31,10 +33,10 @@ const FAR: f64 = 2.0;
 /// section "2026-11-26, morning: two processors on one core, ..."). The limit is below 1 / 1.7, since readings between
 /// the same two cores differ by a factor of up to 1.7.
 const SHARED: f64 = 0.55;
-/// The pause between two readings of the latency while a launch waits until its processors are at their usual
-/// distance. The processors are idle during the pause, since a host moves idle processors back sooner than
-/// busy processors: after at most two seconds instead of two to ten seconds (docs/log.md, section "2026-11-26,
-/// afternoon: a launch waits for near processors, ...").
+/// The pause between two readings of the latency while a launch waits until its processors are at their usual distance.
+/// The processors are idle during the pause, since a host moves idle processors back sooner than busy processors: idle
+/// processors after at most two seconds, and busy processors after two to ten seconds (docs/log.md, section
+/// "2026-11-26, afternoon: a launch waits for near processors, ...").
 const PAUSE: Duration = Duration::from_millis(50);
 /// All waits of a launch for processors at their usual distance together take at most the fraction `WAITS` of
 /// the time for the launch's samples, plus [`PATIENCE`].

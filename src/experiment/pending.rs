@@ -40,8 +40,8 @@ pub struct PendingPoint {
     pub fits: bool,
     /// How many builders (groups of processes that hold the point's scene while they compile programs) fit into memory.
     pub room: Room,
-    /// The result of building the program with which the point is measured. If several points use the
-    /// program, only one of them receives the result.
+    /// The result of building the program with which the point is measured. If several points use the program, only one
+    /// of these points receives the result.
     pub built: Option<Built>,
     /// The hash of the point's picture, once the picture has been compared with the reference.
     pub verified: Option<String>,

@@ -157,8 +157,8 @@ impl<'a> RequestHandler<'a> {
         let batch = match entry.batch {
             Some(batch) => batch,
             None => {
-                // If the timer is coarse, a sample may be a batch of frames. The time of one frame is needed
-                // to choose the batch's size, so at least one frame is cast before the sample.
+                // If the timer is coarse, a sample may be a batch of frames. The number of frames in the batch is
+                // chosen by the time of one frame, so at least one frame is cast before the sample.
                 let frames = timing.warmup.max(u32::from(timer_ns.is_some_and(|step| step > 1)));
                 let warmed = warm_up(|| frame(1), frames, timing.time_limit_ms);
                 warmed.batch(timer_ns, timing.time_limit_ms)

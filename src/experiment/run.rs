@@ -125,7 +125,8 @@ impl Run<'_> {
         self.all_sources().flat_map(|sources| self.jobs_of(sources, folder, fault)).collect()
     }
 
-    /// Returns the run's kernels and then, if the run compares two folders of kernels, the other kernels.
+    /// Returns the kernel files in `sources` and then, if the run compares two folders of kernels, those in
+    /// `other_sources`.
     pub(super) fn all_sources(&self) -> impl Iterator<Item = &Sources> {
         std::iter::once(self.sources).chain(self.other_sources)
     }

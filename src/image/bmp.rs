@@ -32,7 +32,8 @@ pub fn other_space(bytes: &[u8]) -> Option<String> {
     }
 }
 
-/// Returns true if a header states all three primaries (as X, Y and Z), and one of them differs from sRGB's.
+/// Returns true if a header states all three primaries (as X, Y and Z), and at least one of them differs from the same
+/// primary of sRGB.
 fn has_other_primaries(header: &[u8]) -> bool {
     let stated =
         [60, 72, 84].map(|at| [0, 4, 8].map(|offset| u32_at(header, at + offset).unwrap_or(0) as f32));

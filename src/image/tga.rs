@@ -33,7 +33,8 @@ impl TgaAlpha {
     }
 }
 
-/// Returns the gamma that a TGA states, as text for messages; `None` if it states no gamma, or one like sRGB's.
+/// Returns the gamma that a TGA states, as text for messages; `None` if the TGA states no gamma, or a gamma that is
+/// nearly sRGB's.
 pub fn other_gamma(bytes: &[u8]) -> Option<String> {
     let extension = extension(bytes)?;
     let number = |at: usize| f64::from(u16::from_le_bytes([extension[at], extension[at + 1]]));
@@ -42,8 +43,8 @@ pub fn other_gamma(bytes: &[u8]) -> Option<String> {
     (above > 0.0 && below > 0.0 && !is_srgb_gamma(gamma)).then(|| format!("gamma {gamma:.2}"))
 }
 
-/// Returns true if a TGA has 16 bits per texel, one of them is alpha, and this bit is not the same in all texels. The
-/// decoder does not use this bit. The bits of a compressed TGA are not compared.
+/// Returns true if three conditions hold: a TGA has 16 bits per texel, one of these bits is alpha, and this bit is not
+/// the same in all texels. The decoder does not use this bit. The bits of a compressed TGA are not compared.
 pub fn has_alpha_bits(bytes: &[u8]) -> bool {
     let states_alpha = matches!(bytes.get(16..18), Some([16, description]) if description & 15 == 1);
     states_alpha && TgaAlpha::of(bytes) != TgaAlpha::Undefined && alpha_bits_differ(bytes) == Some(true)

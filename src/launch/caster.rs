@@ -42,8 +42,8 @@ pub struct Caster {
     /// The finest division of a pixel in a frame: 2^`most_bits` sub-pixels across and as many down, each with at most
     /// one sample.
     most_bits: u32,
-    /// Number of rays in a tile, across and down, if a frame can cast only some of the tiles; `None` if every
-    /// frame casts all tiles.
+    /// Number of rays in a tile, across and down, if a frame can leave out the rays of some tiles; `None` if every
+    /// frame casts the rays of all tiles.
     tile: Option<[usize; 2]>,
     size: [u32; 2],
     /// True if the background is transparent: images contain the coverage (alpha) of each pixel.
@@ -141,8 +141,8 @@ impl Caster {
         self.cast_extent(frames, Extent::default())
     }
 
-    /// Casts the frame `frames` times, and waits until the last one is complete. `extent` says how many rays
-    /// each pixel has and how many tiles are cast. Returns the mean times per frame.
+    /// Casts the frame `frames` times, and waits until the last one is complete. `extent` says how many rays each pixel
+    /// has, and of how many tiles the rays are cast. Returns the mean times per frame.
     fn cast_extent(&self, frames: u32, extent: Extent) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let mut events = Vec::with_capacity(self.steps.len() * frames as usize);
@@ -292,8 +292,8 @@ impl Caster {
         if let Some(numbers) = self.samples.as_ref().filter(|_| self.most_bits > 0) {
             numbers.set_positions(&self.queue, samples)?;
         }
-        // Only the tiles of rough blocks are cast if only these blocks get samples, if each block consists of whole
-        // tiles, and if the frame can leave out tiles (`self.tile`).
+        // The frame casts only the rays of tiles in rough blocks if three conditions hold: only rough blocks get
+        // samples, each block consists of whole tiles, and the frame can leave out tiles (`self.tile`).
         let tiles =
             rough.zip(self.tile).and_then(|(blocks, tile)| Some(blocks * tiles_of_block(tile, bits)?));
         let listed = if tiles.is_some() { rough.unwrap_or(0) } else { 0 };

@@ -365,9 +365,9 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     Infeasible::beyond(format!("{}, in addition to {held_bytes} B {others}", refused.reason))
 }
 
-/// Halves the longer side of a local size until the local size has at most `most` work-items, or until the
-/// strategy supports no smaller size. If work-items share tiles, each row of a work-group casts one tile, so
-/// only the number of rows is halved.
+/// Halves the longer side of a local size until the local size has at most `most` work-items, or until the strategy
+/// supports no smaller size. If work-items share tiles, each row of a work-group casts the rays of one tile, so only
+/// the number of rows is halved.
 fn halved(shares_tiles: bool, [mut across, mut down]: [u32; 2], most: usize) -> [u32; 2] {
     while across as usize * down as usize > most {
         if across > down && !shares_tiles {

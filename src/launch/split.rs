@@ -21,9 +21,9 @@ const PARTS: usize = 32;
 /// Largest number of pixel rows in the first trial frame. The limit doubles for each later trial frame, until
 /// a trial frame takes the fastest device at least [`TRIAL_MS`].
 const TRIAL_ROWS: u32 = 256;
-/// Trial frames become larger until one takes the fastest device at least this time, or has the size of the
-/// full frame. A shorter frame would not keep all processors of a device busy, and would not show how the
-/// cost is distributed over the frame's rows.
+/// Trial frames become larger until one takes the fastest device at least this time, or has the size of the full frame.
+/// A frame that takes less time would not keep all processors of a device busy, and would not show how the cost is
+/// distributed over the frame's rows.
 const TRIAL_MS: f64 = 5.0;
 /// Number of casts per measurement. The measurement's result is the smallest or the median time of these
 /// `CASTS` casts.

@@ -4,12 +4,12 @@ use super::Queue;
 use super::frame::Pass;
 use ocl::{Buffer, Event, Kernel, SpatialDims};
 
-/// The rays that a frame casts: how many per pixel, and in how many tiles.
+/// The rays that a frame casts: how many rays per pixel, and the rays of how many tiles.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Extent {
     /// Each pixel has 2^`bits` rays across and down.
     pub bits: u32,
-    /// The number of tiles to cast; `None` if all tiles are cast.
+    /// The number of tiles whose rays are cast; `None` if the rays of all tiles are cast.
     pub tiles: Option<usize>,
 }
 
@@ -69,8 +69,8 @@ fn finer(size: SpatialDims, bits: u32) -> SpatialDims {
     }
 }
 
-/// Returns the dimensions `size` with only as many rows of work-groups as `tiles` tiles need. In a
-/// work-group, each row of work-items casts one tile.
+/// Returns the dimensions `size` with only as many rows of work-groups as `tiles` tiles need. In a work-group, each row
+/// of work-items casts the rays of one tile.
 fn rows_for(tiles: usize, size: SpatialDims, local: SpatialDims) -> SpatialDims {
     match (size, local) {
         (SpatialDims::Two(across, down), SpatialDims::Two(local_across, local_down)) => {

@@ -24,10 +24,10 @@ fn bits_for(samples: usize) -> u32 {
 }
 
 /// Returns how finely a frame of a strategy can divide pixels, as the binary logarithm of the number of sub-pixels
-/// across. Only strategies that cast tiles can cast several rays of one pixel in a frame. If each work-item casts a
-/// tile of its own (`cl/tile_cpu/`), pixels are divided only with fused passes (one kernel casts primary and shadow
-/// rays). If the sky's picture is seen, pixels are not divided, since the kernel that adds the picture supports only
-/// whole pixels.
+/// across. Only strategies with `traversal = tile` can cast several rays of one pixel in a frame. If each work-item
+/// casts the rays of a tile of its own (`cl/tile_cpu/`), pixels are divided only with fused passes (one kernel casts
+/// primary and shadow rays). If the sky's picture is seen, pixels are not divided, since the kernel that adds the
+/// picture supports only whole pixels.
 pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     let Setup { strategy, scene, workload, .. } = setup;
     if strategy.shares_tiles() {

@@ -24,7 +24,7 @@ const STACK_STEP: usize = 32;
 pub(super) struct DeviceTree {
     pub(super) nodes: Buffer<u32>,
     pub(super) leaves: Buffer<f32>,
-    /// The data that tiles need for shading; `None` if the strategy casts no tiles.
+    /// The normals and materials, which kernels with `traversal = tile` need for shading; `None` for other traversals.
     pub(super) surfaces: Option<Surfaces>,
     /// Number of entries of the stack with which kernels traverse the tree: enough for the deepest path,
     /// rounded up.
@@ -151,8 +151,8 @@ pub fn stack_size(mesh: &Mesh, strategy: &Strategy) -> Result<usize, Refused> {
 }
 
 impl DeviceTree {
-    /// Uploads a mesh's tree for `strategy`, with the triangles in leaf order. If the strategy casts tiles, also
-    /// uploads the normals and materials.
+    /// Uploads a mesh's tree for `strategy`, with the triangles in leaf order. If the strategy has `traversal = tile`,
+    /// also uploads the normals and materials.
     pub fn upload(
         queue: &Queue,
         mesh: &Arc<Mesh>,

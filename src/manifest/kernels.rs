@@ -87,7 +87,7 @@ pub const RASTER_KERNELS: &[Kernel] = &[
     MARK_KERNEL,
 ];
 
-/// The kernels that cast tiles of rays, with one work-item per tile.
+/// The kernels that cast the rays of tiles, with one work-item per tile.
 pub const TILE_CPU_KERNELS: &[Kernel] = &[
     kernel_if(
         Fused,
@@ -127,7 +127,7 @@ pub const TILE_CPU_KERNELS: &[Kernel] = &[
     APPLY_KERNEL,
 ];
 
-/// The kernels that cast tiles of rays, with 32 work-items per tile.
+/// The kernels that cast the rays of tiles, with 32 work-items per tile.
 pub const TILE_GPU_KERNELS: &[Kernel] = &[
     Kernel { name: "tile_prepare", role: Prepare, when: Planes, parameters: &[TILE_PREPARE] },
     kernel_if(

@@ -73,9 +73,8 @@ pub const TEXTURES: &[Parameter] = &[
 ];
 /// The colours of the triangles' corners.
 pub const COLOURS: &[Parameter] = &[p(CornerColours, WORDS, "corner_colours")];
-/// The texture coordinates and the textures, for the kernels that cast tiles and test whether rays pass
-/// through the holes of cut-outs. The names of these parameters differ from the names of the parameters for
-/// shading.
+/// The texture coordinates and the textures, for those kernels with `traversal = tile` that test whether rays pass
+/// through the holes of cut-outs. The names of these parameters differ from the names of the parameters for shading.
 pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS, "mask_words")];
 /// The sky, the lights' radii, the number of the sample that is cast, and the number of samples in this sample's round.
 /// The first samples of a pixel are one round, and the pixel's later samples are another round. For unoccluded light,
@@ -161,8 +160,8 @@ pub const DEPTH: &[Parameter] = &[p(Always, "volatile __global int *", "depth")]
 pub const DEPTH_TO_NEAREST: &[Parameter] =
     &[p(Always, "const __global int *", "depth"), p(Always, "volatile __global int *", "nearest_triangle")];
 
-// Parameters of kernels that cast tiles. `TILE_NEAREST_OUT` and `TILE_NEAREST_IN` are for all kernels with tiles. The
-// parameters after them are for tiles that work-items share.
+// Parameters of kernels that cast the rays of tiles. `TILE_NEAREST_OUT` and `TILE_NEAREST_IN` are for all kernels with
+// tiles. The parameters after them are for tiles that work-items share.
 pub const TILE_NEAREST_OUT: &[Parameter] = &[p(Always, "__global int *restrict", "nearest")];
 pub const TILE_NEAREST_IN: &[Parameter] = &[p(Always, INTS, "nearest")];
 pub const FIRST_LIGHT: &[Parameter] = &[p(Always, "const int", "first_light")];

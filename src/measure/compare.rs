@@ -6,11 +6,11 @@ use super::Interval;
 /// threshold count as equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// In the whole 95% interval, the new time is shorter by more than the threshold.
+    /// Every ratio in the 95% interval means that the new time is shorter by more than the threshold.
     Faster,
-    /// In the whole 95% interval, the new time is longer by more than the threshold.
+    /// Every ratio in the 95% interval means that the new time is longer by more than the threshold.
     Slower,
-    /// In the whole 95% interval, the times differ by at most the threshold.
+    /// Every ratio in the 95% interval means that the times differ by at most the threshold.
     Same,
     /// The 95% interval contains ratios within the threshold and ratios beyond the threshold.
     Unclear,

@@ -3,8 +3,8 @@
 use super::MIN_SAMPLES;
 use serde::{Deserialize, Serialize};
 
-/// The noise of a point is the sigma / mean of its samples, and is computed again after each sample. The
-/// noise has settled if the latest `SETTLING` values of the noise agree.
+/// The noise of a point is the standard deviation of the point's samples, divided by their mean (sigma / mean). The
+/// noise is computed again after each sample. The noise has settled if the latest `SETTLING` values of the noise agree.
 const SETTLING: usize = 16;
 /// Values of the noise agree if their standard deviation is less than the fraction `SETTLED` of their mean.
 const SETTLED: f64 = 0.05;

@@ -109,10 +109,10 @@ fn instruction(line: &str) -> Option<(u64, &str)> {
     Some((u64::from_str_radix(address.trim(), 16).ok()?, text.trim_end()))
 }
 
-/// Returns the address and the line number from a row of the line table, such as "kernel.cl 157 0x100b x".
-/// The line number is `None` in three cases: the row names another file than `file`; the number in the row is
-/// 0 (the instruction at this address has no source line); the row has "-" instead of a number (a sequence of
-/// instructions ends at this address).
+/// Returns the address and the line number from a row of the line table, such as "kernel.cl 157 0x100b x". The line
+/// number is `None` in three cases. First, the row names another file than `file`. Second, the number in the row is 0:
+/// the instruction at this address has no source line. Third, the row has "-" instead of a number: a sequence of
+/// instructions ends at this address.
 fn table_row(row: &str, file: &str) -> Option<(u64, Option<u32>)> {
     let mut words = row.split_whitespace();
     let (name, number, address) = (words.next()?, words.next()?, words.next()?);

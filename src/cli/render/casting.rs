@@ -86,10 +86,11 @@ fn counts(first: &FrameTimes, repeat: u32) -> bool {
     repeat == 1 || first.frame_ms > LONG_FRAME_MS
 }
 
-/// Casts the frame as often as `--repeat` says (once more if the first frame does not count), and reads the image
-/// from the device. If sampling is adaptive, also reads the numbers of samples. With `--verify`, if soft light is
-/// cast at half resolution, also casts and reads the pictures that [`Cast::parts`] describes. If several frames are
-/// timed, this process locks the device, so that no other process measures on it meanwhile.
+/// Casts and times the frame as often as `--repeat` says, and reads the image from the device. If the time of the first
+/// frame does not count (see `counts`), one additional frame is cast. If sampling is adaptive, also reads the numbers
+/// of samples. With `--verify`, if soft light is cast at half resolution, also casts and reads the pictures that
+/// [`Cast::parts`] describes. If several frames are timed, this process locks the device, so that no other process
+/// measures on it meanwhile.
 pub fn cast(
     args: &Args,
     device: &Device,

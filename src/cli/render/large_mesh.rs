@@ -9,8 +9,8 @@ use crate::error::Result;
 use crate::scene::Scene;
 use crate::strategy::{Candidate, Class, Layout, Strategy, Task};
 
-/// If a mesh has at least `LARGE_TRIANGLES` triangles, a CPU casts a single picture of it tile by tile (the rays of a
-/// tile of pixels walk the tree together), and reads the normals from the mesh's own list, unless the user chooses
+/// If a mesh has at least `LARGE_TRIANGLES` triangles, a CPU casts a single picture of the mesh tile by tile (the rays
+/// of a tile of pixels walk the tree together), and reads the normals from the mesh's own list. The user can choose
 /// otherwise. (For smaller meshes, raycl may choose tiles, too.)
 ///
 /// Strategies that cannot read the mesh's list need a copy of the normals in leaf order, which takes 36 bytes

@@ -97,9 +97,10 @@ impl Motion {
         self.frames.unwrap_or(Frames { first: 1, last: count }).within(count)
     }
 
-    /// Returns the part of the frames `all` that this process renders. Returns `None` if this process has no
-    /// frame, because there are fewer frames than processes. Returns an error with `--shard auto`, if the
-    /// launcher's environment variables state no valid shard.
+    /// Returns the part of the frames `all` that this process renders. Returns `None` if this process has no frame,
+    /// because there are fewer frames than processes. With `--shard auto`, the program that started the processes (such
+    /// as Slurm or MPI) states the shard in environment variables. Returns an error if these variables state no valid
+    /// shard.
     fn share(&self, all: Frames) -> Result<Option<Frames>> {
         match self.shard {
             None => Ok(Some(all)),

@@ -19,10 +19,9 @@ pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     error.to_be_continued(format!("{purpose}: {command}"))
 }
 
-/// Returns the environment variables that decide what a command measures, each as `NAME=VALUE`: raycl's own
-/// variables and those of drivers. If one of them is missing when the user runs the command again, raycl may
-/// measure on other devices, or points with other keys. `devices` contains the words of the option
-/// `--device`.
+/// Returns the environment variables that decide what a command measures, each as `NAME=VALUE`: raycl's own variables
+/// and those of drivers. If one of these variables is missing when the user runs the command again, raycl may measure
+/// on other devices, or measure points with other keys. `devices` contains the words of the option `--device`.
 pub fn deciding_variables(devices: &[String]) -> Vec<Setting> {
     let own = own_variables(devices, &|name| std::env::var(name).ok());
     own.into_iter().chain(variables::of_user().iter().cloned()).collect()

@@ -1,13 +1,13 @@
 //! Compares points by samples that were measured close in time, over several launches of the worker processes.
 //!
-//! The usual interval of a median treats all samples as independent. For measured times, an interval that
-//! assumes independent samples is too narrow, for two reasons. First, a machine changes its speed for seconds
-//! at a time, so samples are not independent. Second, some conditions are random but constant within a launch
-//! (addresses, placement of threads, the kernel's binary), so the samples of one launch cannot show the
-//! effect of these conditions. Therefore, following Kalibera and Jones, "Rigorous Benchmarking in Reasonable
-//! Time" (ISMM 2013), launches are repeated. Each launch gives one value per point, and intervals are
-//! computed from the spread of these values. The spread includes all effects within a launch, even
-//! autocorrelation, so no model of these effects is needed.
+//! The usual interval of a median treats all samples as independent. For measured times, an interval that assumes
+//! independent samples is too narrow, for two reasons. First, a machine may be slower than usual for some seconds, so
+//! samples that follow each other are not independent. Second, some conditions are random but constant within a launch
+//! (addresses, placement of threads, the kernel's binary), so the samples of one launch cannot show the effect of these
+//! conditions. Therefore, following Kalibera and Jones, "Rigorous Benchmarking in Reasonable Time" (ISMM 2013),
+//! launches are repeated. Each launch gives one value per point, and intervals are computed from the spread of these
+//! values. The spread includes all effects within a launch, even autocorrelation, so no model of these effects is
+//! needed.
 //!
 //! 1. In each launch, the drift that all points share is subtracted from the logarithms of the times
 //!    ([`drift`]). In a launch, a point's value is the median, over the point's samples, of the logarithm of

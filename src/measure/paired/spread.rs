@@ -1,4 +1,4 @@
-//! The spread of a point's repeated values, and the resulting error of their mean.
+//! The spread of a point's repeated values, and the standard error of their mean, which follows from the spread.
 
 use super::error::Error;
 use super::prior::Prior;
@@ -62,7 +62,7 @@ impl Pooled {
         Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
 
-    /// Returns the error of the mean of `differences`. `differences` has one difference per column (launch),
+    /// Returns the standard error of the mean of `differences`. `differences` has one difference per column (launch),
     /// between the mean of `rows[0]` rows (points) and the mean of `rows[1]` other rows.
     pub(super) fn of_difference(&self, differences: &[f64], rows: [usize; 2]) -> Error {
         let parts: f64 = rows.iter().map(|rows| 1.0 / *rows as f64).sum();
@@ -76,9 +76,9 @@ impl Pooled {
         Self { apart: Prior { degrees: 0.0, ..self.apart }, ..self }
     }
 
-    /// Returns the error of a row's mean. The effect of a launch (a column) is the same for all rows, so the
-    /// other rows of the same table add no degrees of freedom. Only the other tables of the same run add
-    /// degrees of freedom to this error.
+    /// Returns the standard error of a row's mean. The effect of a launch (a column) is the same for all rows, so the
+    /// other rows of the same table add no degrees of freedom. Only the other tables of the same run add degrees of
+    /// freedom to this error.
     pub(super) fn of_level(&self, row: &[f64]) -> Error {
         let borrowed = self.borrowed(self.together, 1);
         let (own, _) = self.weighted(self.together.variance, borrowed, variance(row));
@@ -105,10 +105,10 @@ impl Pooled {
         (self.rows > 1).then(|| self.moderated(2.0, 2.0 * self.apart.typical))
     }
 
-    /// Returns the error of the mean of several differences. Each column gives one difference: between its values in two
-    /// rows, or between its means over several rows. `own` is the variance of these differences, and has few degrees of
-    /// freedom. `parts` is the
-    /// expected variance of such a difference, divided by the variance of a single row.
+    /// Returns the standard error of the mean of several differences. Each column gives one difference: between its
+    /// values in two rows, or between its means over several rows. `own` is the variance of these differences, and has
+    /// few degrees of freedom. `parts` is the expected variance of such a difference, divided by the variance of a
+    /// single row.
     fn moderated(&self, parts: f64, own: f64) -> Error {
         let borrowed = if self.rows < FEWEST_LENDERS { 0.0 } else { self.borrowed(self.apart, 2) };
         let (variance, degrees) = self.weighted(parts * self.apart.variance, borrowed, own);

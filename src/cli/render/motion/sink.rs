@@ -161,9 +161,9 @@ impl Drop for StopsOthers<'_> {
     }
 }
 
-/// Calls `work` for every received item, until a call fails. If calls failed, returns the error of one of
-/// them. The calls are made on this thread and on the threads that `others` start. If the system refuses to
-/// start one of these threads, fewer calls run at the same time.
+/// Calls `work` for every received item, until a call fails. If calls failed, returns the error of one of the failed
+/// calls. The calls are made on this thread and on the threads that `others` start. If the system refuses to start one
+/// of these threads, fewer calls run at the same time.
 fn each_of<T: Send>(
     received: Receiver<T>,
     others: impl Iterator<Item = Builder>,
