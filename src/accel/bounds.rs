@@ -42,9 +42,8 @@ impl Bounds {
     }
 }
 
-/// A triangle's box and number. The triangle's number is stored in `low.w` as the bits of a normal float:
-/// arithmetic on whole vector registers includes this lane, and would be slow if the lane held a denormal
-/// float.
+/// A triangle's box and number. The triangle's number is stored in `low.w` as the bits of a normal float: arithmetic on
+/// the vector register of `low` includes the lane `w`, and would be slow if this lane held a denormal float.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Primitive(pub Bounds);
 

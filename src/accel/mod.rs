@@ -117,13 +117,13 @@ impl Bvh {
         build::build(mesh, leaf_size, build::cells_for(tree_use, mesh.triangles.len()))
     }
 
-    /// Returns an estimate of the memory in bytes that the host needs to build a tree over `triangles`
-    /// triangles. The estimate is the sum of the bytes of the leaf order, of the nodes, and of the larger one of two
-    /// buffers. These two buffers are not in use at the same time. One buffer has the triangles' boxes. The other
-    /// buffer is a second copy of the nodes, which the builder makes when it joins vectors of nodes. The estimate
-    /// assumes that a leaf contains (`leaf_size` + 1) / 2 triangles on average. If leaves contain more triangles, the
-    /// tree has fewer nodes, and takes less memory. The estimate of the memory holds for leaf sizes up to 31. With
-    /// larger leaves, ordering a large mesh's triangles by cells can take slightly more memory than this estimate.
+    /// Returns an estimate of the memory in bytes that the host needs to build a tree over `triangles` triangles. The
+    /// estimate is the sum of the bytes of the leaf order, of the nodes, and of the larger one of two buffers. The
+    /// builder never needs both buffers at the same time. One buffer has the triangles' boxes. The other buffer is a
+    /// second copy of the nodes, which the builder makes when it joins vectors of nodes. The estimate assumes that a
+    /// leaf contains (`leaf_size` + 1) / 2 triangles on average. If leaves contain more triangles, the tree has fewer
+    /// nodes, and takes less memory. The estimate of the memory holds for leaf sizes up to 31. With larger leaves,
+    /// ordering a large mesh's triangles by cells can take slightly more memory than this estimate.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
         let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
         let boxes = triangles * size_of::<bounds::Primitive>() as u64;

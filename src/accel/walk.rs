@@ -65,8 +65,9 @@ impl WideBvh {
     }
 }
 
-/// Returns the distance at which a ray enters a box, or 0 if the ray begins in the box. Returns `None` if the
-/// ray misses the box. A miss by no more than a few rounding errors of f64 counts as a hit.
+/// Returns the distance at which a ray enters a box, or 0 if the ray begins in the box. Returns `None` if the ray
+/// misses the box. If a ray misses a box by no more than a few rounding errors of f64, the function treats the ray as
+/// if it hit the box.
 fn enter(origin: DVec3, direction: DVec3, [low, high]: [[f32; 3]; 2]) -> Option<f64> {
     let (mut near, mut far) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {

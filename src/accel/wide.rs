@@ -107,11 +107,11 @@ impl WideBvh {
         if width <= 8 { 8 * width } else { 7 * width }
     }
 
-    /// Builds a mesh's tree in the form that a device reads. With fewer than 32 children per node, the leaves
-    /// of the binary tree are small, and several of these leaves together can form one wide leaf of up to
-    /// `leaf_size` triangles. If a node would have unused slots, wide leaves are split to fill the slots.
-    /// With 32 children per node, leaves are not split: 32 work-items prepare the triangles of a leaf in
-    /// parallel, so smaller leaves would only mean that more leaves are visited.
+    /// Builds a mesh's tree in the form that a device reads. With fewer than 32 children per node, the leaves of the
+    /// binary tree are small, and several of these leaves together can form one wide leaf of up to `leaf_size`
+    /// triangles. If a node would have unused slots, wide leaves are split to fill the slots. With 32 children per
+    /// node, leaves are not split: 32 work-items prepare the triangles of a leaf in parallel, so smaller leaves would
+    /// save no time, and more leaves would be visited.
     ///
     /// # Errors
     ///
@@ -131,15 +131,15 @@ impl WideBvh {
         Self::new(Bvh::build_for(tree_use, mesh, leaf_size.min(own)), width, leaf_size)
     }
 
-    /// Collapses a binary tree into a tree whose nodes have up to `width` children. To find the children of a
-    /// wide node, the function starts with a list of one subtree of the binary tree: the subtree below this
-    /// node. The function then repeatedly replaces a subtree in the list by the two subtrees below its root,
-    /// until the list fills all slots of the node, or only leaves of the binary tree are left. At first, only
-    /// subtrees with more than `leaf_size` triangles are replaced, always the subtree with the largest
-    /// surface area first. If slots of the node are still unused, smaller subtrees are replaced too, again by
-    /// surface area, since testing an unused slot costs as much as testing a used slot. So the leaves of the
-    /// wide tree become as small as the slots for children allow, but never smaller than the leaves of the
-    /// binary tree. The binary tree should therefore have the leaf size with which rays are cast fastest.
+    /// Collapses a binary tree into a tree whose nodes have up to `width` children. To find the children of a wide
+    /// node, the function starts with a list of one subtree of the binary tree: the subtree below this node. The
+    /// function then repeatedly replaces a subtree in the list by the two subtrees below its root, until the list fills
+    /// all slots of the node, or only leaves of the binary tree are left. At first, only subtrees with more than
+    /// `leaf_size` triangles are replaced, always the subtree with the largest surface area first. If slots of the node
+    /// are still unused, smaller subtrees are replaced too, again by surface area, since testing an unused slot costs
+    /// as much as testing a used slot. Therefore the leaves of the wide tree become as small as the slots for children
+    /// allow, but never smaller than the leaves of the binary tree. The binary tree should therefore have the leaf size
+    /// with which rays are cast fastest.
     ///
     /// # Errors
     ///

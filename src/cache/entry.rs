@@ -1,5 +1,5 @@
-//! The bytes of a cache entry: a mark (the first bytes of every entry), a hash of all bytes after the hash,
-//! the length of the key, the key, and the content.
+//! The bytes of a cache entry. They consist of a mark (the first bytes of every entry), a hash of all later bytes, the
+//! length of the key, the key, and the content.
 
 /// The mark: the first bytes of every entry. The number at the end of `MARK` is the version of the layout of
 /// cache entries.

@@ -152,8 +152,8 @@ pub fn is_private(folder: &Path) -> bool {
     around.and_then(|around| around.metadata().ok()).is_some_and(|metadata| keeps_names(&metadata))
 }
 
-/// Reads an ordinary file that belongs to the user and that nobody else may write. Returns `None` for a file
-/// that others own or may write, and for links.
+/// Reads an ordinary file that belongs to the user and that nobody else may write. Returns `None` for a file that
+/// another user owns or may write, and for links.
 pub fn read_own(path: &Path) -> Option<Vec<u8>> {
     let metadata = path.symlink_metadata().ok()?;
     if !metadata.is_file() || !is_own(&metadata) {

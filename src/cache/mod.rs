@@ -21,8 +21,8 @@ const UNFINISHED: &str = ".unfinished-";
 /// The least space that a file takes on most disks: a block. A cache entry counts as at least this many
 /// bytes, so the limit of the cache's size also limits the number of its entries.
 const BLOCK_BYTES: u64 = 4096;
-/// The modification time of a cache file is accepted if it lies at most this far in the future: the clock of
-/// a file server can differ from this machine's clock.
+/// The clock of a file server can differ from this machine's clock. A modification time of a cache file that lies at
+/// most `CLOCKS_DIFFER_BY` in the future is therefore accepted.
 const CLOCKS_DIFFER_BY: Duration = Duration::from_secs(60);
 
 /// A cache: a folder of entries, and the limit of its size. If `folder` is `None`, the cache stores nothing.

@@ -276,9 +276,9 @@ fn is_source(path: &Path) -> bool {
     path.extension().is_some_and(|ending| SOURCES.iter().any(|usual| ending.eq_ignore_ascii_case(usual)))
 }
 
-/// Returns true if a file has changed, and no file has changed for the time `QUIET` before `now`.
-/// `changed_at` is the time of the latest change that earlier calls have found. This function stores the time
-/// of a later change in `changed_at`. If this function returns true, it sets `changed_at` to `None`.
+/// Returns true if a file has changed, and no file has changed for the time `QUIET` before `now`. `changed_at` is the
+/// time of the latest change that earlier calls have found. If `changes` has a later change, this function stores the
+/// time of that change in `changed_at`. If this function returns true, it sets `changed_at` to `None`.
 fn is_complete(changes: &Receiver<Instant>, changed_at: &mut Option<Instant>, now: Instant) -> bool {
     *changed_at = changes.try_iter().last().or(*changed_at);
     changed_at.take_if(|at| now.duration_since(*at) >= QUIET).is_some()

@@ -293,8 +293,9 @@ fn moved<T>(value: Spanned<T>, distance: usize) -> Spanned<T> {
 
 /// Merges a table of an override, `above`, into the table `below` of the file. A table is merged into a table and, if
 /// the keys of the override's table are indices, into an array (see [`merge`]). Any other value of the override
-/// replaces the file's value. Returns an error if a list has no element with such an index; a list that the file does
-/// not contain counts as an empty list. `path` is the dotted path of both tables; it is empty for the whole file.
+/// replaces the file's value. Returns an error if a list has no element with such an index; if the file does not
+/// contain the list at all, the list is treated as an empty list. `path` is the dotted path of both tables; it is empty
+/// for the whole file.
 fn merge_tables<'i>(path: &str, below: &mut DeTable<'i>, above: DeTable<'i>) -> Merged {
     for (key, value) in above {
         let name = match path {

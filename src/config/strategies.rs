@@ -64,8 +64,8 @@ pub fn expand(
 }
 
 /// Returns the only kind of device on which the preset `name` is measured. Returns `None` if the preset is measured on
-/// every kind of device. This is so in three cases: the preset is meant for every kind, the config has `any_kind =
-/// true`, or `--set` names the preset. Also returns `None` if there is no such preset.
+/// every kind of device. A preset is measured on every kind of device in three cases: the preset is meant for every
+/// kind, the config has `any_kind = true`, or `--set` names the preset. Also returns `None` if there is no such preset.
 fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<String>) -> Option<DeviceKind> {
     let any = config.any_kind || document.is_override(&name.span());
     find(document, name).ok().filter(|_| !any)?.meant_for

@@ -254,8 +254,9 @@ fn platform_count() -> Result<u32> {
     }
 }
 
-/// Sets each device's `twins_before`: the number of devices that come before it in the list and have the same platform
-/// and name, as [`DeviceInfo::slug`] spells them (without capital letters and special characters).
+/// Sets each device's `twins_before`: the number of devices that come before this device in the list, and that have the
+/// same platform and name. Platforms and names are compared as [`DeviceInfo::slug`] spells them (without capital
+/// letters and special characters).
 fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut seen: HashMap<String, usize> = HashMap::new();
     for device in devices {

@@ -10,11 +10,11 @@ const FOLDER: &str = "POCL_CACHE_DIR";
 /// The value that raycl gives to `POCL_CACHE_DIR` if PoCL can use none of the folders that raycl tries. /dev/null is
 /// not a folder, so nobody can create a folder in it, and PoCL lists no device.
 const NO_FOLDER: &str = "/dev/null/no-folder-for-pocl";
-/// A disk with less than `ROOM_BYTES` bytes of free space counts as full. PoCL usually writes some hundred KiB for each
-/// program.
+/// raycl treats a disk with less than `ROOM_BYTES` bytes of free space as a full disk. PoCL usually writes some hundred
+/// KiB for each program.
 const ROOM_BYTES: u64 = 1 << 20;
-/// A disk that can hold fewer than `ROOM_FILES` further files counts as full. PoCL writes about ten files and folders
-/// for each program.
+/// raycl treats a disk that can hold fewer than `ROOM_FILES` further files as a full disk. PoCL writes about ten files
+/// and folders for each program.
 const ROOM_FILES: u64 = 16;
 
 /// Returns `POCL_CACHE_DIR` and the value that raycl must give to this variable before a driver is loaded. The value

@@ -47,8 +47,8 @@ const GROUPS: usize = 4;
 const ANSWERS: usize = 8;
 /// A word with one bit per lane. The test computes each lane's rank among the lanes whose bits are set in this word.
 const AMONG: u32 = 0x0f0f_00ff;
-/// The value of every answer before the kernel runs. No right answer equals `NO_ANSWER`, so an answer that
-/// the kernel does not write counts as wrong.
+/// The value of every answer before the kernel runs. No right answer equals `NO_ANSWER`, so raycl notices an answer
+/// that the kernel does not write, and treats it as a wrong answer.
 const NO_ANSWER: u32 = u32::MAX;
 
 /// The file of the kernel that tests how work-items exchange values.

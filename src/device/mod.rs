@@ -226,8 +226,8 @@ impl DeviceInfo {
     }
 
     /// Returns a text that names what may affect the compiled code of a program, besides the program's source and
-    /// options: the device, its driver, and the driver's variables, except those that certainly do not affect compiled
-    /// code.
+    /// options. The text names the device, its driver, and the driver's environment variables, except variables that
+    /// certainly do not affect compiled code.
     pub fn compiler(&self) -> String {
         let settings = self.settings.iter().filter(|setting| variables::compiles(setting)).cloned();
         std::iter::once(self.model()).chain(settings).collect::<Vec<_>>().join(" | ")

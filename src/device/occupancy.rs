@@ -171,7 +171,8 @@ fn before_3(sm: &Multiprocessor) -> bool {
     major(sm) < 3
 }
 
-/// Returns the number before the dot of the compute capability. This number can have several digits: 10 for "10.0".
+/// Returns the number before the dot of the compute capability. The number before the dot can have several digits: 10
+/// for "10.0".
 fn major(sm: &Multiprocessor) -> u32 {
     let number = sm.compute_capability.split('.').next();
     number.and_then(|number| number.parse().ok()).unwrap_or(0)

@@ -1,5 +1,5 @@
-//! Remembers which other processes held device locks for which this process has waited, so that messages name
-//! each of these processes once.
+//! If this process waits for a device lock, a message names the process that holds the lock. This module remembers the
+//! named processes, so that each process is named only once.
 
 use super::holder::Holder;
 use crate::threads::locked;

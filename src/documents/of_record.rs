@@ -80,8 +80,9 @@ const TEXTS: [(&str, Text); 4] = [
     ("outcome", |record| Some(record.outcome.name().to_owned())),
 ];
 
-/// Returns true if a word names a figure. A word that begins with `ld.`, `st.` or `atom.`, such as `ld.global`, counts
-/// as the name of a PTX instruction. It also names a figure: the number of such instructions in the main kernel.
+/// Returns true if a word names a figure. A word that begins with `ld.`, `st.` or `atom.`, such as `ld.global`, is
+/// taken for the name of a PTX instruction. Such a word names a figure, too: the number of these instructions in the
+/// main kernel.
 pub fn is_figure(word: &str) -> bool {
     let is_instruction = ["ld.", "st.", "atom."].iter().any(|start| word.starts_with(start));
     is_instruction

@@ -17,8 +17,8 @@ const END: &str = "<!-- end of figures -->";
 pub struct Difference {
     /// The line's number, from 1; 0 for an entry of docs/figures.toml that no document uses.
     pub line: usize,
-    /// The text that stands in the document, such as a number; for a mistake in a block, the text "the block" and the
-    /// block's name; for an unused entry of docs/figures.toml, this entry.
+    /// The text that stands in the document, such as a number. For a mistake in a block, `stands` is the text "the
+    /// block" and the block's name. For an unused entry of docs/figures.toml, `stands` is this entry.
     pub stands: String,
     /// The text that raycl computes from the records, or the reason why the records yield no text; for an unused entry,
     /// that no document uses it.

@@ -138,8 +138,9 @@ impl Side {
         unranked.map_or(String::new(), |record| format!(" ({})", why_unranked(record)))
     }
 
-    /// Returns the reason why the operand's value cannot be used in a ratio: the value is missing, or the
-    /// median has too few samples or times of 0. Returns `None` if the value can be used.
+    /// Returns the reason why the operand's value cannot be used in a ratio. A value cannot be used if it is missing,
+    /// or if it is a median of too few samples or of samples some of which are 0. Returns `None` if the value can be
+    /// used.
     fn obstacle(&self) -> Option<String> {
         match &self.value {
             Figure::Nothing(why) => Some(why.clone()),
@@ -160,8 +161,8 @@ fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side,
     }
 }
 
-/// Returns the quotient of two figures. The quotient of two medians is computed by [`ratio`], as in reports: if
-/// the two points were measured together, from pairs of samples that were measured close in time. Returns
+/// Returns the quotient of two figures. The quotient of two medians is computed by [`ratio`], as in reports. If the two
+/// points were measured together, [`ratio`] uses pairs of samples that were measured close in time. Returns
 /// [`Figure::Nothing`] with the reason if the quotient cannot be computed.
 fn quotient(one: &Side, other: &Side) -> Figure {
     let both = one.median_of.as_ref().zip(other.median_of.as_ref());

@@ -87,8 +87,8 @@ impl HeldScene {
 }
 
 impl Drafter<'_> {
-    /// Returns the draft of a point on `device`: the point's record before the point is tried. If two points have
-    /// records with equal keys ([`Record::key`]), both points are the same work, measured in the same way.
+    /// Returns the draft of a point on `device`: the point's record before the point is tried. If the records of two
+    /// points have equal keys ([`Record::key`]), the same work is measured for both points, in the same way.
     pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
         let Self { experiment, .. } = self;
         let chosen = &experiment.scenes[point.scene];

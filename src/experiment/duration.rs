@@ -48,8 +48,8 @@ pub struct Expected {
     /// The longest mean time of a frame, in milliseconds, with which a launch completes its least number of rounds
     /// within its time limit.
     pub usual_frame_ms: f64,
-    /// Number of points that have the same program with both folders of kernels, if the run compares two
-    /// folders. These points are measured once, and `points` counts them once.
+    /// Number of points that have the same program with both folders of kernels, if the run compares two folders.
+    /// Points with the same program in both folders are measured once, and `points` counts them once.
     pub of_both_folders: usize,
     /// Number of records of points that are not in the plan, for example because the config has changed; 0 if the run
     /// measures only a shard.
@@ -205,8 +205,8 @@ impl Run<'_> {
     fn load_ms(&self, earlier: &Record) -> f64 {
         let build_ms = earlier.build_ms.unwrap_or(0.0);
         match (self.caches_programs, earlier.build_from_cache) {
-            // The earlier run compiled the program in `build_ms`. raycl's cache is assumed to hold the program now.
-            // The time to load it is short, and counts as 0, since it is unknown.
+            // The earlier run compiled the program in `build_ms`. raycl's cache is assumed to hold the program now. The
+            // time to load the stored program is unknown but short, so it is set to 0.
             (true, Some(false)) => 0.0,
             // Each launch compiles the program, but the earlier run only loaded it.
             (false, Some(true)) => build_ms.max(COMPILE_MS),
@@ -354,10 +354,10 @@ impl<'a> ByName<'a> {
     }
 }
 
-/// Estimates the time of a point that was never measured, well enough to distinguish slow points from fast
-/// points. The estimate assumes that a ray is tested against every triangle or, with a tree, against thirty
-/// boxes and triangles on each level. It also assumes that a device does a fixed number of these tests per
-/// millisecond. The host is assumed to do a tenth as many tests per millisecond.
+/// Estimates the time of a point that was never measured, well enough to distinguish slow points from fast points. The
+/// estimate assumes that a ray is tested against every triangle or, with a tree, against thirty boxes and triangles on
+/// each level. The estimate also assumes that a device does a fixed number of these tests per millisecond. The host is
+/// assumed to do a tenth as many tests per millisecond.
 fn guessed(draft: &Record) -> Known {
     const TESTS_PER_MS: f64 = 1e6;
     let rays = draft.primary_rays() * (1.0 + draft.lights.unwrap_or(1) as f64);

@@ -110,9 +110,9 @@ fn records(folders: &[PathBuf]) -> Result<Vec<Record>> {
     Ok(records)
 }
 
-/// In the stored end of each launch, replaces the number of samples of each point by the number of the
-/// point's samples that count. If a sample of a point was lost, removes the point from the stored end of the
-/// launch. Without this point, the launch does not count as complete.
+/// In the stored end of each launch, replaces the number of samples of each point by the number of the point's samples
+/// that count. If a sample of a point was lost, removes the point from the stored end of the launch. If the stored end
+/// of a launch lacks a point, the launch does not count as complete.
 fn count_again(ends: &mut [LaunchEnd], samples: &[Sample], counts: impl Fn(&Sample) -> bool) {
     let mut numbers: HashMap<(u32, &str), [usize; 2]> = HashMap::new();
     for sample in samples {

@@ -97,8 +97,8 @@ impl Run<'_> {
         self.experiment.scenes.iter().flat_map(named).collect()
     }
 
-    /// Returns true if programs of later groups are built while earlier groups are timed. That is so if the run
-    /// measures neither kernels nor baselines on a CPU, since compiling then disturbs no sample.
+    /// Returns true if programs of later groups are built while earlier groups are timed. Programs are built in this
+    /// way if the run measures neither kernels nor baselines on a CPU: compiling on the CPU then disturbs no sample.
     fn builds_while_timing(&self) -> bool {
         let on_cores = self.devices.iter().any(|device| device.kind == DeviceKind::Cpu);
         !on_cores && self.experiment.baselines.is_empty()

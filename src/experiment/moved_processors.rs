@@ -126,9 +126,9 @@ pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
     near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))
 }
 
-/// Of the readings of the core-to-core latency before and after a sample, returns the reading that decides
-/// whether the sample counts. This is a reading far from the usual latency, if there is one, and otherwise
-/// the larger reading.
+/// Of the readings of the core-to-core latency before and after a sample, returns the reading that decides whether the
+/// sample counts. If a reading is far from the usual latency, this reading decides; otherwise, the larger reading
+/// decides.
 pub(super) fn decisive_ns(readings: [Option<f64>; 2], near_ns: f64) -> Option<f64> {
     let known = || readings.into_iter().flatten();
     known().find(|ns| !is_near(Some(*ns), near_ns)).or_else(|| known().reduce(f64::max))

@@ -30,7 +30,7 @@ pub struct RequestHandler<'a> {
     drafter: Drafter<'a>,
     plan: Plan,
     checker: Checker<'a>,
-    /// The loaded scene. It belongs to the point that was last built, checked or cast.
+    /// The loaded scene: the scene of the point that was last built, checked or cast.
     scene: HeldScene,
     /// A point with the scene and the image size of all points in `entries`; `None` before the first build or check.
     /// `entries` contains the points that passed their check; `entries` is emptied when a point with another scene or

@@ -60,8 +60,9 @@ pub type Checked = (Box<Record>, bool);
 pub struct Supervisor<'a> {
     spawner: &'a mut dyn Spawner,
     interrupted: &'a AtomicBool,
-    /// The time limit for each of these steps: a worker opens its device; builds a point's program and casts the
-    /// point's first frame; takes a sample of a point or of the anchor.
+    /// The time limit for each of three steps of a worker. In the first step, a worker opens its device. In the second
+    /// step, the worker builds a point's program and casts the point's first frame. In the third step, the worker takes
+    /// a sample of a point or of the anchor.
     limit: Duration,
     /// The running workers, by the numbers of their jobs and scenes.
     posts: HashMap<(usize, usize), Post>,
@@ -171,7 +172,7 @@ impl<'a> Supervisor<'a> {
                     }
                     return Ok(Ok((record, ready)));
                 }
-                // This reply says that the device broke down; the worker's process has ended.
+                // The reply `Refused` says that the device broke down; the worker's process has ended.
                 Ok(Reply::Refused(failure)) => return Ok(Err(failure)),
                 Ok(reply) => return Err(unexpected(reply)),
                 Err(loss) => {

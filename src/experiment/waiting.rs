@@ -33,8 +33,8 @@ pub trait Worker {
 /// The result of waiting for a worker's reply.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wait {
-    /// The worker's next reply: [`Reply::Started`], the reply to the last request, or a [`Reply::Begins`] before the
-    /// reply to the last request.
+    /// The worker's next reply. It is [`Reply::Started`], the reply to the last request, or a [`Reply::Begins`], which
+    /// comes before the reply to the last request.
     Reply(Reply),
     /// No reply came within the limit.
     Silence,

@@ -121,8 +121,8 @@ fn index_of(identity: &str, hardware: &Hardware, infos: &[DeviceInfo]) -> Option
     infos.iter().position(fits)
 }
 
-/// Returns true if two descriptions may belong to the same device: neither the UUIDs nor the PCI addresses
-/// differ. A UUID or a PCI address that is unknown does not count as different.
+/// Returns true if two descriptions may belong to the same device: neither the UUIDs nor the PCI addresses differ. If a
+/// UUID or a PCI address is unknown, it is ignored in the comparison.
 fn may_be(one: &Hardware, other: &Hardware) -> bool {
     let agree =
         |one: &Option<String>, other: &Option<String>| one.is_none() || other.is_none() || one == other;

@@ -7,8 +7,8 @@ use super::stated::{CLOSE, SRGB};
 /// Number of bytes of a BMP before its header.
 const FILE_HEADER_BYTES: usize = 14;
 
-/// If the sum of X, Y and Z of a primary is less than a thousandth, the primary counts as not stated: some programs
-/// write small numbers in the places of primaries.
+/// If the sum of X, Y and Z of a primary is less than a thousandth, raycl assumes that the BMP does not state the
+/// primary: some programs write small numbers in the places of primaries.
 const LEAST_SUM: f32 = (1 << 20) as f32;
 
 /// Returns the colour space that a BMP states, as text for messages; `None` if the BMP states sRGB or no colour space.

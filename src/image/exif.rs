@@ -9,8 +9,8 @@ const COLOUR_SPACE: u16 = 0xa001;
 const RULES: u16 = 1;
 
 /// Returns true if Exif data, which begin with the byte order, state the colour space Adobe RGB. The number 65535 for
-/// the colour space means that none is stated: Photoshop writes this number into many sRGB pictures. Therefore, 65535
-/// does not count as Adobe RGB.
+/// the colour space means that none is stated: Photoshop writes this number into many sRGB pictures. Therefore, the
+/// function returns false for the number 65535.
 pub fn states_adobe_rgb(exif: &[u8]) -> bool {
     let exif = Exif { bytes: exif, is_little: exif.starts_with(b"II") };
     let Some(list) = exif.u32(4).and_then(|first| exif.pointer(first, EXIF)) else { return false };

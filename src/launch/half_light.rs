@@ -54,8 +54,8 @@ pub(super) struct HalfLight {
     unoccluded: Caster,
     filter: Step,
     apply: Step,
-    /// The whole picture's size. If the width or the height is odd, the half pictures have a slightly
-    /// different aspect ratio, so the camera of the half pictures needs this size to show the same view.
+    /// The whole picture's size. If the width or the height is odd, the half pictures have a slightly different aspect
+    /// ratio, so the camera of the half pictures needs the whole picture's size to show the same view.
     whole_size: [u32; 2],
 }
 

@@ -205,8 +205,8 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// Returns an error if the sub-groups of a kernel have another size than a tile needs. If the size is `None`, it is
-/// unknown, and counts as right.
+/// Returns an error if the sub-groups of a kernel have another size than a tile needs. If `size` is `None`, the size of
+/// the sub-groups is unknown, and the function returns no error.
 fn sub_groups_suit(kernel: &str, size: Option<usize>) -> Result<(), LaunchError> {
     match size {
         Some(size) if size != GROUP_LANES as usize => {

@@ -30,7 +30,7 @@ pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
 pub enum Fact {
     /// A condition that is true of every strategy.
     Always,
-    /// Each triangle has its own copies of its vertices.
+    /// Each triangle has its own copies of its vertices (`layout = soup`).
     Soup,
     /// Triangles have indices into common sets of positions, normals and materials.
     Indexed,

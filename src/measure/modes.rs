@@ -16,9 +16,8 @@ const DIP_LIMIT: f64 = 0.8;
 const DIP_DECREASE: f64 = 0.75;
 /// [`Modes::of`] returns `None` for fewer than `FEWEST` times.
 const FEWEST: usize = 10;
-/// Two modes count as one mode if the slower mode's time exceeds the faster mode's time by at most the
-/// fraction `LEAST_DISTANCE`. If modes that are closer together counted as two modes, a timer's steps would
-/// look like modes.
+/// Two values around which times cluster are treated as one mode if the greater value exceeds the smaller value by at
+/// most the fraction `LEAST_DISTANCE`. Without this rule, the steps of a timer would look like modes.
 const LEAST_DISTANCE: f64 = 0.05;
 
 /// Two values around which times cluster.

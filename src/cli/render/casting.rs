@@ -112,8 +112,8 @@ pub fn cast(
         cast.map_err(Refused::at("the launch")).map_err(refused)
     };
     let first = frame()?;
-    // Some drivers compile a kernel when it first starts. Therefore the first frame's time on the host counts
-    // as build time, as far as it exceeds the frame's device time.
+    // Some drivers compile a kernel when it first starts. Therefore the difference between the first frame's time on
+    // the host and its device time is added to the build time.
     let compile_ms = (first.host_ms - first.frame_ms).max(0.0);
     timeline.ends_with("casting", &[("build", compile_ms)]);
     let mut frames: Vec<_> = Some(first).filter(|first| counts(first, args.repeat)).into_iter().collect();

@@ -23,7 +23,7 @@ use std::time::{Duration, SystemTime};
 
 /// The kind of cache entries that record when a background process began to store a program or to list the devices.
 const KIND: &str = "order";
-/// A background process that began longer ago than `LONGEST` counts as dead.
+/// raycl assumes that a background process is dead if it began longer ago than `LONGEST`.
 const LONGEST: Duration = Duration::from_secs(120);
 /// The interval at which a background process checks whether the cache's folder still exists.
 const LOOK_UP: Duration = Duration::from_millis(50);

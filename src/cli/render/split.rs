@@ -234,7 +234,8 @@ fn text(report: &Report) -> String {
 }
 
 /// Returns the number of primary and shadow rays of a frame with `samples` samples per pixel. `hits` is the number of
-/// pixels in which at least one primary ray hits a triangle. In these pixels, each primary ray counts as a hit.
+/// pixels in which at least one primary ray hits a triangle. The function assumes that in each of these pixels, all
+/// primary rays hit a triangle.
 fn rays(scene: &Scene, image_size: [u32; 2], hits: usize, samples: u32) -> f64 {
     let [width, height] = image_size.map(f64::from);
     let shadow_rays = hits * scene.shadow_rays_per_hit();

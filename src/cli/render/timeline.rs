@@ -24,8 +24,9 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// Returns a timeline that begins with the process. The processor time that the process has used so far counts as
-    /// the time since its start. The process must therefore not have waited or started a thread before this call.
+    /// Returns a timeline that begins with the process. The time since the start of the process is taken to be the
+    /// processor time that the process has used so far. The process must therefore not have waited or started a thread
+    /// before this call.
     pub fn of_process() -> Self {
         let mut timeline = Self::begin();
         timeline.add("start", processor_time().as_secs_f64() * 1e3);

@@ -11,8 +11,9 @@ use std::time::Duration;
 
 /// The exit code of raycl if a second SIGINT (Ctrl-C) or SIGTERM ends it.
 const INTERRUPTED: i32 = 130;
-/// A signal counts as a second signal only if it arrives at least the time `APART` after the first signal. The program
-/// `timeout` sends its signal twice within microseconds: to its child process, and to the process group of this child.
+/// A later signal is treated as the user's second signal only if it arrives at least the time `APART` after the first
+/// signal. The program `timeout` sends its signal twice within microseconds: to its child process, and to the process
+/// group of this child.
 const APART: Duration = Duration::from_millis(300);
 
 /// The flags that signals set, and that all runs of this process share. One `raycl reproduce` consists of several runs.

@@ -57,7 +57,7 @@ fn longest(plan: &ShardPlan) -> Duration {
 
 /// Guesses whether one of the experiment's devices is a GPU, since this machine may not have the devices. The guess is
 /// made from the words that select devices ([`patterns`]). Returns true if at least one word other than `all` contains
-/// none of [`PROCESSORS`]: such a word counts as the name of a GPU. Returns `None` if there is no word other than
+/// none of [`PROCESSORS`]: such a word is taken for the name of a GPU. Returns `None` if there is no word other than
 /// `all`.
 fn by_words(devices: &[String]) -> Option<bool> {
     let is_gpu = |word: &str| !PROCESSORS.iter().any(|processor| word.contains(processor));

@@ -48,9 +48,9 @@ fn remedy(comparison: &Comparison, folder: &Folder) -> String {
 }
 
 /// Returns the kernels of each folder, or the built-in kernels if no folder is given. `spread` is true if the points
-/// are distributed over several devices or machines. Such a run cannot compare kernels, so this function refuses two
-/// folders of kernels if `spread` is true. The function also refuses more than two folders, and a single folder with
-/// `--fail-on-regression`.
+/// are distributed over several devices or machines. A run whose points are distributed cannot compare kernels, so this
+/// function refuses two folders of kernels if `spread` is true. The function also refuses more than two folders, and a
+/// single folder with `--fail-on-regression`.
 pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
     let folders = &args.cl_dir;
     if folders.len() == 1 && args.fail_on_regression.is_some() {

@@ -42,8 +42,8 @@ pub(super) struct Timed<'b, 's, K> {
     pub latency: Latency,
 }
 
-/// The shortest time between two readings of the core-to-core latency. It is many times as long as a
-/// reading.
+/// The shortest time between two readings of the core-to-core latency. `READING_EVERY` is many times as long as a
+/// reading takes.
 const READING_EVERY: Duration = Duration::from_millis(20);
 
 /// Measures the core-to-core latency before and after samples.
@@ -135,11 +135,10 @@ impl<K: ResultSink> Timed<'_, '_, K> {
             return Ok(());
         }
         self.casts.insert(pending.job, 0);
-        // If points are distributed over devices of the same model, the anchors (fixed kernels) of these
-        // devices do the same work. All these anchors therefore have the same name: that of the first
-        // device's anchor. Likewise, a point has the same key on each of these devices. If the anchors had
-        // different names, their times could not be used to compare blocks (parts of a group of points) that
-        // different devices measured.
+        // If points are distributed over devices of the same model, the anchors (fixed kernels) of these devices do the
+        // same work. All these anchors therefore have the same name: that of the first device's anchor. A point, too,
+        // has the same key on each of these devices. If the anchors had different names, their times could not be used
+        // to compare blocks (parts of a group of points) that different devices measured.
         let anchor = anchor::name(self.run.named_device().unwrap_or(device))?;
         let times = match self.supervisor.anchor(pending.task())? {
             Some(Ok(times)) => times,

@@ -31,9 +31,9 @@ const HALVINGS: usize = 44;
 pub(super) struct Prior {
     /// The variance that a point is taken to have before its own samples are known.
     pub variance: f64,
-    /// The largest weight, in degrees of freedom, that `variance` may get in the mean of `variance` and a
-    /// point's own variance. This weight is small if some points vary far more than others, and large if all
-    /// points vary alike.
+    /// The largest weight, in degrees of freedom, that `variance` may get in the mean of `variance` and a point's own
+    /// variance. The largest weight is small if the times of some points vary far more than those of others, and large
+    /// if the times of all points vary alike.
     pub degrees: f64,
     /// The geometric mean of the true variances.
     pub typical: f64,

@@ -24,10 +24,10 @@ const FEWEST_LENDERS: usize = 4;
 /// to 95% of these intervals contained the true ratio. Even if all pairs of points vary equally, the variance
 /// of one pair in nine exceeds the limit `MOST_TIMES_USUAL` by chance in four launches.
 const MOST_TIMES_USUAL: f64 = 2.0;
-/// The effect that a launch (a column of the table) has on all points (rows) is estimated from the steadiest
-/// rows only. These are one of every `STEADY_PART` rows. Rows that are not among the steadiest may be far
-/// from steady. For example, in a run of the paper's Figure 8 on a CPU, 19 of 37 points took 1.4 times as
-/// long in one launch as in the three other launches.
+/// The effect that a launch (a column of the table) has on all points (rows) is estimated from the steadiest rows only.
+/// One of every `STEADY_PART` rows belongs to the steadiest rows. Rows that are not among the steadiest may be far from
+/// steady. For example, in a run of the paper's Figure 8 on a CPU, 19 of 37 points took 1.4 times as long in one launch
+/// as in the three other launches.
 const STEADY_PART: usize = 3;
 /// The effect of a column is estimated from at least `LEAST_STEADY` rows, or from all rows if the table has
 /// fewer. If the effect were estimated from fewer rows, these rows might be alike only by chance.
