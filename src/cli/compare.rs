@@ -70,9 +70,9 @@ pub(super) fn percent(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Compares two folders of results, and prints the comparison; with `--out`, also writes it into a folder. A folder
-/// without results is a user error. Two folders that cannot be compared are a user error, too: if no point was measured
-/// in both folders, and no point has different outcomes in the two folders. With `--fail-on-regression`, also returns
-/// an error if there is a regression.
+/// without results is a user error. It is also a user error if the two folders cannot be compared, because no point was
+/// measured in both folders, and no point has different outcomes in the two folders. With `--fail-on-regression`, also
+/// returns an error if there is a regression.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice::new(args.force, "--out DIR");
     let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;

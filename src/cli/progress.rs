@@ -103,8 +103,8 @@ pub struct Lines {
     /// Number of steps that this run has finished for points of which no sample was taken, for example because they do
     /// not fit on the device.
     untimed: usize,
-    /// When the latest line of progress was printed. If no line was printed yet, this is the time when the
-    /// run first reported its current work; `None` if the run has not reported its work yet.
+    /// When the latest line of progress was printed. If no line was printed yet, `printed_at` is the time when the run
+    /// first reported its current work; `None` if the run has not reported its work yet.
     printed_at: Option<Instant>,
 }
 

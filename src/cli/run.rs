@@ -343,8 +343,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     Ok((out, measured))
 }
 
-/// Tells the user which scenes of the config are not measured, because their content equals that of another
-/// scene, and which strategies are measured under the name of an equal strategy.
+/// Tells the user which scenes of the config are not measured, because their content equals that of another scene. Also
+/// tells the user which strategies are measured under the name of an equal strategy.
 fn say_copies(experiment: &Experiment, observer: &mut dyn Observer) {
     let of_scenes = experiment.scenes.iter().flat_map(|scene| scene.notes.clone());
     let notes = of_scenes.chain(experiment.notes_on_equal_strategies());

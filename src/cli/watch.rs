@@ -111,12 +111,12 @@ impl Watched {
         is_complete(&self.changes, &mut self.changed_at, Instant::now())
     }
 
-    /// Begins to watch again the folders that have been replaced since the last call; each replacement counts
-    /// as a change. A folder also counts as replaced if a link in its path now leads to another folder. The
-    /// function also begins to watch the folders of files that have been read since the last call. If one of
-    /// these files was modified after the last call, before its folder was watched, this counts as a change too. A
-    /// change is also counted if a link in the path of any file that raycl has read now leads elsewhere. The folder to
-    /// which the link now leads is watched once the file has been read again.
+    /// Begins to watch again the folders that have been replaced since the last call; each replacement counts as a
+    /// change. A folder also counts as replaced if a link in its path now leads to another folder. The function also
+    /// begins to watch the folders of files that have been read since the last call. If one of these files was modified
+    /// after the last call, but before its folder was watched, this modification counts as a change too. A change is
+    /// also counted if a link in the path of any file that raycl has read now leads elsewhere. The folder to which the
+    /// link now leads is watched once the file has been read again.
     fn follow(&mut self) {
         if self.inputs.lead_elsewhere() {
             self.changed_at = Some(Instant::now());

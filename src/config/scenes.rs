@@ -72,8 +72,8 @@ fn nearest_scene(missing: &Path) -> Option<OsString> {
     meant.file_name().map(OsString::from)
 }
 
-/// Returns an error if the file is an experiment, or of a type that raycl recognises but does not read as a scene, such
-/// as a picture; otherwise `None`.
+/// Returns an error if the file is an experiment. Also returns an error if raycl recognises the file's type, but does
+/// not read files of this type as scenes; pictures are an example. Returns `None` for all other files.
 fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> Option<Error> {
     let opened = Opened::at(path).ok()?;
     let location = format!("{}: {}", document.location_of(name.span()), path.display());

@@ -59,9 +59,9 @@ impl Experiment {
         self.strategies.iter().filter(is_wanted)
     }
 
-    /// Returns notes on the strategies that are measured under the names of earlier strategies, at some local sizes or
-    /// at all of them, because the earlier strategies have the same value on every axis (see [`Self::names_of`]). A
-    /// strategy has one note for each of these names.
+    /// Returns notes on strategies that equal an earlier strategy of the config: both have the same value on every axis
+    /// (see [`Self::names_of`]). At the local sizes that both strategies have, the later strategy is measured under the
+    /// name of the earlier strategy. A strategy has one note for each name under which it is measured.
     pub fn notes_on_equal_strategies(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for (index, copy) in self.strategies.iter().enumerate() {

@@ -14,9 +14,9 @@ pub fn lacks_resources(status: Status) -> bool {
     )
 }
 
-/// Returns true if a step that failed with this status may succeed later, because a resource such as memory
-/// is missing now, or because the device is not available now. For example, a device is not available while
-/// it is being reset, or while another process uses it exclusively.
+/// Returns true if a step that failed with this status may succeed later. This is the case if a resource such as memory
+/// is missing now, or if the device is not available now. For example, a device is not available while it is being
+/// reset, or while another process uses it exclusively.
 pub fn may_pass(status: Status) -> bool {
     lacks_resources(status) || matches!(status, Status::CL_DEVICE_NOT_AVAILABLE)
 }

@@ -44,10 +44,10 @@ struct Entry {
     listed_at: Option<u64>,
 }
 
-/// Returns the device whose index `choose` returns; `None` if `choose` picks no device. Uses the stored list
-/// of devices if nothing in the list's key has changed, if the list is not too old, and if the chosen device still
-/// reports the same properties. If the stored list cannot be used, lists all devices again. `lane_test` says when the
-/// lane operations (how work-items exchange values) of the newly listed devices are tested.
+/// Returns the device whose index `choose` returns; `None` if `choose` picks no device. Uses the stored list of devices
+/// if three conditions hold: nothing in the list's key has changed, the list is not too old, and the chosen device
+/// still reports the same properties. Otherwise, lists all devices again. `lane_test` says when the lane operations
+/// (how work-items exchange values) of the newly listed devices are tested.
 ///
 /// # Errors
 ///

@@ -171,7 +171,8 @@ pub fn all() -> Vec<Setting> {
     settings(variables(), known)
 }
 
-/// The user's variables that a repeated command needs, as they were before raycl set variables of its own.
+/// The environment variables of the user that a repeated command needs. Their values are those from before raycl itself
+/// set any variables.
 static OF_USER: OnceLock<Vec<Setting>> = OnceLock::new();
 
 /// Returns the variables that must be set to the same values when a user repeats a command, sorted by name.

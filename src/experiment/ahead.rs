@@ -262,8 +262,8 @@ impl Ahead {
                 }
                 self.finish(order.program, built);
             }
-            // If memory is tight, the builder's idle processes end, since each of them would still hold a
-            // scene, and the points that are being timed may need the scene's memory.
+            // If memory is tight, the builder's idle processes end. Each of these processes still holds a scene, and
+            // the points that are being timed may need the scene's memory.
             if std::mem::take(&mut is_tight) {
                 usual.end();
                 without_driver_cache.end();
@@ -289,11 +289,10 @@ impl Ahead {
         state.waiting.remove(index)
     }
 
-    /// Returns the index of the first waiting program that the builder `number` may begin to build. A builder
-    /// compiles programs in processes of its own. The builder with the number `number` may begin a program
-    /// only if more than `number` builders that hold the program's scene fit into memory, and if no other
-    /// process measures on the program's device. Returns `None` if the builder may not begin any waiting
-    /// program.
+    /// Returns the index of the first waiting program that the builder `number` may begin to build. A builder compiles
+    /// programs in processes of its own. The builder with the number `number` may begin a program only under two
+    /// conditions: more than `number` builders that hold the program's scene fit into memory, and no other process
+    /// measures on the program's device. Returns `None` if the builder may not begin any waiting program.
     fn index_of_next(&self, state: &State, number: usize) -> Option<usize> {
         let may_begin =
             |order: &Order| number < order.room.builders && self.is_free(state, order.program.job);

@@ -111,8 +111,8 @@ fn start_ms(points: &[Cost]) -> f64 {
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let (whole, start) = (whole_ms(group), start_ms(group));
     // Pieces may take slightly longer than `most`, since each additional piece also has to measure the control point. A
-    // group has at most half as many pieces as points (rounded up): if a piece had only a single point, measuring the
-    // control point too would not be worthwhile.
+    // group has at most half as many pieces as points (rounded up). For a piece with a single point, it would not be
+    // worthwhile to measure the control point too.
     let wanted = (whole / (1.1 * most).max(f64::MIN_POSITIVE)).ceil();
     let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
     let control = control(group).filter(|_| count > 1);
@@ -151,9 +151,10 @@ fn control(group: &[Cost]) -> Option<&Cost> {
 
 /// Assigns blocks to shards, in descending order of the blocks' expected times. Each block goes to the shard whose
 /// blocks so far have the least total expected time. Returns the expected time of the shard that takes longest.
-/// `alone_ms` returns the expected time of a point with the start of its workers. The expected time of each piece of
-/// a group includes the control point and a start of workers. But a shard with several of these pieces starts workers
-/// and measures the control point only once (see [`joined`]), so this time is subtracted for every further piece.
+/// `alone_ms` returns the expected time of a point with the start of its workers. The expected time of each piece of a
+/// group includes the control point and a start of workers. But a shard with several pieces of a group starts workers
+/// and measures the control point only once (see [`joined`]). The time for the start and the control point is therefore
+/// subtracted for every further piece.
 fn deal(blocks: &mut [Priced], shards: u32, alone_ms: impl Fn(usize) -> f64) -> f64 {
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|one, other| blocks[*other].0.total_cmp(&blocks[*one].0).then(one.cmp(other)));

@@ -128,13 +128,13 @@ impl Run<'_> {
         Ok(expected)
     }
 
-    /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of
-    /// comparable points. Unless the points are distributed over devices, each point is measured on every
-    /// device, so the point's expected time is the sum of its times on all devices. The time on a device comes
-    /// from an `earlier` record. If there is no earlier record, the time is estimated from the amount of
-    /// computation. A point that does not fit on its device takes no time. If a point's preset is meant for
-    /// another kind of device, and the point has no earlier record, the point takes no time either, since the
-    /// run skips it. Each returned `Cost` contains the index of its point in the plan for one device.
+    /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of comparable
+    /// points. Unless the points are distributed over devices, each point is measured on every device, so the point's
+    /// expected time is the sum of its times on all devices. The time on a device comes from an `earlier` record. If
+    /// there is no earlier record, the time is estimated from the amount of computation. A point that does not fit on
+    /// its device takes no time. A point whose preset is meant for another kind of device takes no time either, if it
+    /// has no earlier record: the run skips the point. Each returned `Cost` contains the index of its point in the plan
+    /// for one device.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let mut sums: HashMap<usize, Cost> = HashMap::new();
         for cost in self.costs_on_devices(earlier)? {

@@ -155,10 +155,9 @@ impl Results {
         })
     }
 
-    /// Stores the peak rates of devices. The folder keeps its earlier rates of devices that `peak` does not
-    /// contain. Rates of the run's `devices` that were measured with another driver or other settings of the
-    /// device are left out, since they are no longer the rates of these devices. Returns the peak rates that
-    /// are left out.
+    /// Stores the peak rates of devices. The folder keeps its earlier rates of devices that `peak` does not contain. If
+    /// rates of the run's `devices` were measured with another driver or other settings of the device, they are left
+    /// out, since these devices no longer have these rates. Returns the peak rates that are left out.
     pub fn keep_peak(&mut self, peak: Vec<Peak>, devices: &[&DeviceInfo]) -> Result<Vec<Peak>> {
         let all = peak.into_iter().chain(self.peak.clone());
         let (left_out, usable): (Vec<Peak>, Vec<Peak>) = all.partition(|peak| peak.are_outdated(devices));

@@ -11,9 +11,9 @@ const PRIMARIES: [(&[u8], [f32; 3]); 3] = [
 const CURVES: [&[u8]; 3] = [b"rTRC", b"gTRC", b"bTRC"];
 /// The linear light to which sRGB converts the stored value 0.5.
 const MIDDLE: f32 = 0.2140;
-/// A number of a profile counts as equal to sRGB's number if the two differ by at most `CLOSE`. The compared numbers
-/// are the components of the primaries, and the linear light to which a curve converts the stored value 0.5. If a curve
-/// is a pure power with the exponent 2.2, this linear light differs from sRGB's by 0.004.
+/// raycl treats a number of a profile as equal to sRGB's number if the two numbers differ by at most `CLOSE`. The
+/// compared numbers are the components of the primaries, and the linear light to which a curve converts the stored
+/// value 0.5. If a curve is a pure power with the exponent 2.2, this linear light differs from sRGB's by 0.004.
 const CLOSE: f32 = 0.01;
 
 /// Returns true if a profile is known to describe sRGB, or shades of grey with sRGB's curve.

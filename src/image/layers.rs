@@ -116,7 +116,7 @@ fn grey(layers: &Layers) -> RgbImage {
     let (near, far) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
     picture(layers, |pixel| {
         let depth = layers.depth[pixel];
-        // If all depths are the same, all hits count as nearest, so they are white.
+        // If all depths are equal, every hit is a nearest hit, and is white.
         let part = if near < far { (far - depth) / (far - near) } else { 1.0 };
         let value = if depth.is_finite() { 40.0 + 215.0 * part } else { 0.0 };
         [value.round() as u8; 3]

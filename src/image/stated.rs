@@ -10,12 +10,13 @@ use std::io::Cursor;
 
 /// The chromaticities (x and y in the CIE 1931 diagram) of sRGB's red, green, blue and white.
 pub(super) const SRGB: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
-/// Chromaticities count as sRGB's if each of the eight numbers differs from sRGB's by at most `CLOSE`. With this
-/// tolerance, the chromaticities that the program Radiance assumes count as sRGB's.
+/// raycl treats chromaticities as sRGB's if each of the eight numbers differs from sRGB's by at most `CLOSE`. This
+/// tolerance is large enough for the chromaticities that the program Radiance assumes.
 pub(super) const CLOSE: f32 = 0.03;
 /// The exponent of the power that is nearly equal to sRGB's curve.
 const GAMMA: f64 = 2.2;
-/// A gamma counts as sRGB's if it differs from [`GAMMA`] by at most the share `CLOSE_GAMMA`.
+/// raycl treats a gamma as sRGB's if the gamma differs from [`GAMMA`] by at most the fraction `CLOSE_GAMMA` of
+/// [`GAMMA`].
 const CLOSE_GAMMA: f64 = 0.05;
 /// The channels of an OpenEXR picture that the decoder reads.
 const READ: [&str; 4] = ["R", "G", "B", "A"];
@@ -65,8 +66,8 @@ pub fn header_remarks(bytes: &[u8]) -> Vec<String> {
     // If there is no OpenEXR layer that can be decoded, the bytes are read as a Radiance HDR picture. For other
     // pictures, `hdr_primaries` returns `None`.
     let stated = header.map_or_else(|| hdr_primaries(bytes), exr_primaries);
-    // Some programs write eight zeros instead of chromaticities. A header with eight zeros counts as a header
-    // without chromaticities.
+    // Some programs write eight zeros instead of chromaticities. raycl treats such a header as a header without
+    // chromaticities.
     let differs = |stated: &[f32; 8]| {
         let is_close = stated.iter().zip(SRGB).all(|(value, usual)| (value - usual).abs() <= CLOSE);
         !is_close && stated.iter().any(|value| *value != 0.0)

@@ -162,8 +162,8 @@ impl Caster {
     }
 
     /// Sets the background, the shadow bias, the exposure and the tone curve to those of a scene, starting with the
-    /// next frame. The exposure and the tone curve also decide which blocks of pixels are rough and get more samples:
-    /// blocks in which neighbouring pixels differ visibly when they are displayed.
+    /// next frame. The exposure and the tone curve also decide which blocks of pixels are rough and get more samples.
+    /// In a rough block, neighbouring pixels differ visibly when they are displayed.
     pub(super) fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
         if let Some(samples) = &self.samples {
             samples.show(scene.display)?;
@@ -283,8 +283,8 @@ impl Caster {
         rough: Option<usize>,
     ) -> Result<FrameTimes, LaunchError> {
         let Some(first) = samples.first() else { return Ok(FrameTimes::default()) };
-        // If a frame casts several samples, the kernel shifts their rays within the pixel. If a frame casts a
-        // single sample, the camera is shifted in place of the rays.
+        // If a frame casts several samples, the kernel shifts their rays within the pixel. If a frame casts a single
+        // sample, the camera is shifted instead of the rays.
         let offset = if samples.len() > 1 { [0.0; 2] } else { first.offset };
         self.look_from(&camera.of_sample(&Sample { offset, ..*first }))?;
         let arguments = sample_argument(Arguments::default(), first);

@@ -123,7 +123,8 @@ impl LaunchError {
     }
 
     /// Returns the error's message. If memory may be missing, and other processes may use memory of `device`, the
-    /// message says how much memory they use or, if this is not known, how much all processes use.
+    /// message says how much memory the other processes use. If this amount is not known, the message says how much
+    /// memory all processes use.
     pub fn on(&self, device: &DeviceInfo) -> String {
         self.with(|| used_memory(&device.hardware))
     }

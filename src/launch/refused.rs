@@ -28,7 +28,7 @@ pub enum Refused {
     },
 }
 
-/// The remedy if a point of an experiment, or a picture, exceeds the memory or another limit of a device or the host,
+/// The remedy if a picture or a point of an experiment exceeds a limit of the device or the host, such as its memory,
 /// and a smaller work-group would not help.
 const SMALLER: &str = "a smaller image or scene, or another --strategy, may fit; `raycl strategies` lists layouts and traversals";
 /// The remedy if a work-group has a shape or a number of work-items that the device, the strategy or the compiled

@@ -52,10 +52,10 @@ impl SharedScene {
     }
 
     /// Returns the bytes of the uploads and trees that are on the device but that `strategy` does not use.
-    /// `reads_in_place` is true if the device shares the host's memory. If `reads_in_place` is true, all
-    /// trees with which kernels read the mesh's lists use the same lists. The bytes of these lists then count
-    /// once, or not at all if `strategy` reads the lists too. If `reads_in_place` is false, each of these
-    /// trees has its own copy of the lists, and the bytes of every copy count.
+    /// `reads_in_place` is true if the device shares the host's memory. If `reads_in_place` is true, all trees with
+    /// which kernels read the mesh's lists use the same lists. The bytes of these lists then count once, or not at all
+    /// if `strategy` reads the lists too. If `reads_in_place` is false, each of these trees has its own copy of the
+    /// lists, and the bytes of every copy are added.
     pub fn bytes_beside(&self, strategy: &Strategy, reads_in_place: bool) -> PartBytes {
         let own = Kind::of(strategy);
         let layouts = self.layouts.iter().filter(|(kind, _)| **kind != own.layout);

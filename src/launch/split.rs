@@ -48,8 +48,8 @@ pub struct Split<'a> {
     pub sampling: Sampling,
     /// The kernel files from which the devices' programs are built.
     pub sources: &'a Sources,
-    /// The number of times that the frame is cast and timed, after a first cast that is not timed; 0 counts
-    /// as 1.
+    /// The number of times that the frame is cast and timed, after a first cast that is not timed. If `repeat` is 0,
+    /// the frame is cast and timed once.
     pub repeat: u32,
     /// True if the image is verified against the reference.
     pub verifies: bool,

@@ -72,8 +72,8 @@ pub(super) fn with_called<F: Copy + PartialEq>(kernel: F, calls: impl Fn(F) -> V
     reached
 }
 
-/// A count of instructions: the instructions that a compiler generated from one source line, the instructions
-/// of one part of a kernel (after a label, or of a function), or all instructions of a kernel.
+/// A count of instructions. A row counts the instructions that a compiler generated from one source line, those of one
+/// part of a kernel (after a label, or of a function), or all instructions of a kernel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Row {
     /// The line in the source; `None` if the row counts the instructions of a part or of a whole kernel.

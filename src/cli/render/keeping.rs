@@ -1,7 +1,7 @@
 //! Starts background processes with low priority, which store data for later commands. The command that casts the
 //! picture does not wait for the background processes. Every background process lists the devices, unless an up-to-date
-//! list is stored. A background process may also store a program: one whose binary the driver takes long to return, or
-//! one that was not compiled in time for this picture.
+//! list is stored. A background process may also store a program, in two cases: the driver takes long to return the
+//! program's binary, or the program was not compiled in time for this picture.
 
 use super::hurry::Later;
 use super::{Args, guess, hurry, turn};

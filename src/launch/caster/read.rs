@@ -140,8 +140,8 @@ fn converted(pixels: &[Float4], shown: &Shown) -> (Vec<u8>, Option<usize>) {
         for (bytes, pixel) in bytes.as_chunks_mut().0.iter_mut().zip(pixels) {
             *bytes = convert([pixel[0], pixel[1], pixel[2]]);
         }
-        // These checks have loops of their own, which the compiler turns into vector instructions. In the loop above,
-        // the checks would take more time.
+        // Two separate loops check whether pixels are finite and count hits, because the compiler turns such loops into
+        // vector instructions. In the loop above, these checks would take more time.
         let finite =
             |finite, pixel: &Float4| (0..3).fold(finite, |all, channel| all & pixel[channel].is_finite());
         let hits = pixels.iter().filter(|pixel| pixel[3] > 0.0).count();

@@ -29,7 +29,7 @@ const HALVINGS: usize = 44;
 /// Genetics and Molecular Biology 3, 2004), section 6.2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Prior {
-    /// The variance that a point is taken to have before its own samples are known.
+    /// The variance that is assumed for a point before the point's own samples are known.
     pub variance: f64,
     /// The largest weight, in degrees of freedom, that `variance` may get in the mean of `variance` and a point's own
     /// variance. The largest weight is small if the times of some points vary far more than those of others, and large

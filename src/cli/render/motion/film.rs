@@ -53,9 +53,8 @@ impl Film {
     }
 
     /// Returns an error if a frame from `first` to `last` has values with which the scene's file is not valid. Also
-    /// returns an error if such a frame has a transparent background and frame 1 has none, or if frame 1 has a
-    /// transparent background and such a frame has none. Files of meshes and pictures are not read, so some mistakes
-    /// are found only when their frame is rendered.
+    /// returns an error if one of these frames has a transparent background but frame 1 has none, or the other way
+    /// round. Files of meshes and pictures are not read, so some mistakes are found only when their frame is rendered.
     pub fn check(&self, first: u32, last: u32) -> Result<()> {
         match self {
             Self::Turntable { .. } => Ok(()),
