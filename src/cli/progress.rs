@@ -100,8 +100,8 @@ pub struct Lines {
     /// When this run's first point began, and the number of steps that were finished at that time; `None` if
     /// no point has begun.
     since: Option<(Instant, usize)>,
-    /// Number of steps that this run has finished for points of which no sample was taken, for example because they do
-    /// not fit on the device.
+    /// Number of steps that this run has finished without a sample, for example because the step's point does not fit
+    /// on the device.
     untimed: usize,
     /// When the latest line of progress was printed. If no line was printed yet, `printed_at` is the time when the run
     /// first reported its current work; `None` if the run has not reported its work yet.

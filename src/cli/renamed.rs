@@ -6,9 +6,9 @@ use super::guesses::with_tip;
 use clap::CommandFactory as _;
 use clap::error::{ContextKind, ContextValue};
 
-/// For each renamed word, three elements: the context in which clap (the library that parses the arguments) reports the
-/// old word; the old word; and the new words, in backticks. If the new words are several options, a command has either
-/// all of these options or none.
+/// For each renamed word, three elements. The first is the context in which clap (the library that parses the
+/// arguments) reports the old word. The second is the old word, and the third contains the new words, in backticks. If
+/// the new words are several options, a command has either all of these options or none.
 const RENAMED: [(ContextKind, &str, &str); 3] = [
     (ContextKind::InvalidSubcommand, "limits", "`raycl peak`"),
     (ContextKind::InvalidArg, "--limits", "`--peak`"),

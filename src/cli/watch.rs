@@ -210,8 +210,8 @@ fn numbers(_: &Metadata) -> [u64; 2] {
     [0; 2]
 }
 
-/// Returns the canonical path of a folder. The paths in events begin with the path by which the folder is watched, and
-/// are compared with canonical paths, so this path must be canonical. Returns an error if the folder cannot be read.
+/// Returns the canonical path of a folder. The path by which a folder is watched must be canonical: the paths in events
+/// begin with the folder's path, and are compared with canonical paths. Returns an error if the folder cannot be read.
 fn resolved(folder: &Path) -> Result<PathBuf> {
     folder.canonicalize().map_err(|error| {
         let otherwise = "check the path of the scene, and that of --cl-dir if it is given";

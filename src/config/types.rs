@@ -327,8 +327,8 @@ impl fmt::Display for Emulate {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// Number of frames that each point casts in a launch before the point's first sample. A point casts fewer frames
-    /// if the warm-up frames would take over a tenth of the time limit. Even if the number is 0, a point casts one
-    /// frame if a step of the device's timer is longer than 1 ns.
+    /// if the warm-up frames would take over a tenth of the time limit. Even with `warmup = 0`, a point casts one frame
+    /// if a step of the device's timer is longer than 1 ns.
     pub warmup: u32,
     /// Number of launches: measurements of a group, each by new worker processes. The group's samples are
     /// divided among the launches. With one launch, results are only preliminary.

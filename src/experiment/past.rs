@@ -21,10 +21,10 @@ pub struct MeasuredOn {
 }
 
 impl MeasuredOn {
-    /// Returns true if the launch may have been measured on `device`: the names are equal, and the UUIDs or
-    /// PCI addresses are equal or unknown. Equal names alone do not show that two devices are the same. The
-    /// names of devices of the same model differ only in a number, by which each session numbers the devices
-    /// that the session finds. Another session may find other devices, or find them in another order.
+    /// Returns true if the launch may have been measured on `device`: the names are equal, and the UUIDs or PCI
+    /// addresses are equal or unknown. Equal names alone do not show that two devices are the same. The names of
+    /// devices of the same model differ only in a number, since each session numbers the devices that the session
+    /// finds. Another session may find other devices, or find them in another order.
     pub fn may_be(&self, device: &DeviceInfo) -> bool {
         let known = self.hardware.as_deref().zip(device.hardware.id());
         self.slug == device.slug() && known.is_none_or(|(one, other)| one == other)

@@ -29,9 +29,9 @@ pub struct Run<'a> {
     /// If two folders of kernels are compared: the kernel files that are measured in the same rounds as those
     /// of `sources`.
     pub other_sources: Option<&'a Sources>,
-    /// The time limit for one step of a worker. A step is one of the following: the worker opens its device; the worker
-    /// builds a point's program and casts the point's first image; or the worker takes one sample of a point or of the
-    /// anchor. The step of a point's first sample includes the warm-up.
+    /// The time limit for one step of a worker. There are three kinds of steps. In the first, the worker opens its
+    /// device. In the second, the worker builds a point's program and casts the point's first image. In the third, the
+    /// worker takes one sample of a point or of the anchor. The step of a point's first sample includes the warm-up.
     pub limit: Duration,
     /// True if the run also measures again the points that failed in an earlier session, and the points for which too
     /// little memory was free.

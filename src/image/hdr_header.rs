@@ -19,9 +19,9 @@ pub fn with_usual_signature(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// The numbers by which a program has multiplied the radiance before it wrote a picture: for each channel,
-/// the product of all EXPOSUREs and COLORCORRs in the header of a Radiance HDR picture. For pictures in
-/// formats other than Radiance HDR, the number of each channel is 1.
+/// The numbers by which a program has multiplied the radiance before it wrote a picture, one number per channel. In a
+/// Radiance HDR picture, a channel's number is the product of all EXPOSUREs and COLORCORRs in the header. For pictures
+/// in formats other than Radiance HDR, the number of each channel is 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HdrExposure([f64; 3]);
 

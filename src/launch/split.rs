@@ -53,8 +53,8 @@ pub struct Split<'a> {
     pub repeat: u32,
     /// True if the image is verified against the reference.
     pub verifies: bool,
-    /// True if devices that slow the frame down are used too, and a device that cannot be prepared, or that fails, is
-    /// an error.
+    /// True if devices that slow the frame down are used too, and if it is an error that a device fails or cannot be
+    /// prepared.
     pub every_device: bool,
 }
 

@@ -15,9 +15,8 @@ const LARGE_BYTES: u64 = 256 << 20;
 /// `hugetlb` lets the allocator ask the system for huge pages. The first access to each page of new memory causes a
 /// page fault. With small pages, page faults took a fifth of the time of a short command. `top_pad` lets the allocator
 /// extend its heaps by 2 MiB at a time. `arena_max` limits the number of heaps to the number of processors; without
-/// `arena_max`, glibc makes up to eight times as many heaps. The picture of ten million triangles was rendered with
-/// five heaps and a `top_pad` of 16 MiB, and then with two heaps and a `top_pad` of 2 MiB. The second render took 50
-/// MiB less memory than the first, and the same time.
+/// `arena_max`, glibc makes up to eight times as many heaps. With two heaps and a `top_pad` of 2 MiB, the picture of
+/// ten million triangles took 50 MiB less memory than with five heaps and a `top_pad` of 16 MiB, and the same time.
 ///
 /// An allocation of at least `mmap_threshold` bytes is not part of a heap, and its memory goes back to the system when
 /// the allocation is freed. The heaps return free memory at their ends to the system if there is more of it than
